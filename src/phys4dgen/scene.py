@@ -1,0 +1,370 @@
+"""The Scene: everything that a run is told, in one frozen and validated tree (scene.yaml, Python, or flags).
+
+Lengths, times and stresses carry their unit in the key; directions are in the input's axes (docs/conventions.md).
+``load_scene`` and ``dump_scene`` are inverse: a dumped scene has every default filled in and reads back equal.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from phys4dgen.errors import FormatError, SceneError
+from phys4dgen.scene_errors import explain
+from phys4dgen.yaml12 import format_yaml, read_yaml
+
+__all__ = [
+    "ALL_PARTS",
+    "AccelerationForce",
+    "Grouping",
+    "Interior",
+    "Materials",
+    "Motion",
+    "Output",
+    "PartOptions",
+    "Scene",
+    "Simulation",
+    "Video",
+    "ViewSet",
+    "dump_scene",
+    "load_scene",
+]
+
+ALL_PARTS = "all"
+"""In a force: every part that is not held."""
+
+
+def _vector(value: Any) -> Any:
+    """Three numbers, given as a list, a tuple or text as in a flag (``"1,0,0"``)."""
+    words = value.split(",") if isinstance(value, str) else value
+    try:
+        if not isinstance(words, (list, tuple)) or len(words) != 3 or any(isinstance(word, bool) for word in words):
+            raise ValueError
+        return tuple(float(word) for word in words)
+    except (ValueError, TypeError):
+        raise PydanticCustomError("vector", "three numbers such as [1, 0, 0]") from None
+
+
+def _nonzero(vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    if math.hypot(*vector) < 1e-9:
+        raise ValueError("expected a direction, got a vector of length 0")
+    return vector
+
+
+Vector = Annotated[tuple[float, float, float], BeforeValidator(_vector)]
+Direction = Annotated[tuple[float, float, float], BeforeValidator(_vector), AfterValidator(_nonzero)]
+FilePath = Annotated[
+    Path,
+    BeforeValidator(lambda value: Path(value) if isinstance(value, str) and value else value),
+    PlainSerializer(lambda value: value.as_posix(), return_type=str),
+]
+PartName = Annotated[str, Field(pattern=r"^\w[\w -]{0,63}$")]
+Auto = Literal["auto"]
+AxisName = Literal["auto", "x", "+x", "-x", "y", "+y", "-y", "z", "+z", "-z"]
+Positive = Annotated[float, Field(gt=0, le=1e6)]
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class ViewSet(_Section):
+    """Which views of the object are rendered into ``views/`` for parts and for people."""
+
+    preset: Literal["object", "carve", "scene"] = "object"
+    """object: 29 views, carve: 49, scene: 120; the table is in docs/conventions.md"""
+    size_px: Annotated[int, Field(ge=64, le=4096)] = 512
+    """width and height of a view"""
+
+
+class Grouping(_Section):
+    """How the Gaussians are divided into parts (Paper: Sec. 3.2)."""
+
+    backend: Literal["auto", "appearance", "file", "none"] = "auto"
+    """auto: file where labels_file is given, else appearance (stand-in for SAM2); none: one part"""
+    parts: Auto | Annotated[int, Field(ge=1, le=256)] = "auto"
+    """number of parts for appearance; auto: as many as the colours say"""
+    labels_file: FilePath | None = None
+    """.npy or .npz with one whole number per Gaussian, in the input's order"""
+    names: dict[Annotated[int, Field(ge=0, le=255)], PartName] = Field(default_factory=dict)
+    """names by part number (numbered from the ground up), instead of part_0, part_1 ..."""
+
+    @model_validator(mode="after")
+    def _backend_has_its_file(self) -> Grouping:
+        if self.backend == "file" and self.labels_file is None:
+            raise ValueError("backend 'file' needs labels_file; name the file, or choose backend 'auto'")
+        if self.backend in ("appearance", "none") and self.labels_file is not None:
+            raise ValueError(f"labels_file is given but backend is '{self.backend}'; choose 'auto' or 'file'")
+        if self.parts != "auto" and (self.backend in ("file", "none") or self.labels_file is not None):
+            raise ValueError("parts is a choice of the appearance backend; remove it, or the labels_file")
+        if len(set(self.names.values())) != len(self.names):
+            raise ValueError(f"names: every part needs its own name, got {list(self.names.values())}")
+        return self
+
+
+class Interior(_Section):
+    """How the inside is found and filled with particles (Paper: Sec. 3.3)."""
+
+    label_grid: Annotated[int, Field(ge=8, le=128)] = 32
+    """cells along the longest side of the grid that labels the inside"""
+    confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
+    """of the chi-square test that a cell is covered by a Gaussian"""
+    max_particles_per_gaussian: Annotated[int, Field(ge=1, le=100)] = 10
+    """samples drawn from one Gaussian at most"""
+    spacing: Auto | Annotated[float, Field(ge=0.2, le=1)] = "auto"
+    """between simulated particles, in grid cells (dx); auto: 0.5"""
+
+
+class Materials(_Section):
+    """Who names the materials (Paper: Sec. 3.4)."""
+
+    backend: Literal["auto", "rule", "library", "file", "default"] = "auto"
+    """auto: file where given, else rule (stand-in for the language model), else default"""
+    file: FilePath | None = None
+    """a materials.yaml; its entries win over backend, and parts.NAME.material over them"""
+
+    @model_validator(mode="after")
+    def _backend_has_its_file(self) -> Materials:
+        if self.backend == "file" and self.file is None:
+            raise ValueError("backend 'file' needs file; name a materials.yaml, or choose backend 'auto'")
+        return self
+
+
+class PartOptions(_Section):
+    """What the user says about one part."""
+
+    hold: Literal["auto", "fixed", "free"] = "auto"
+    """fixed: does not move; auto: as the motion preset decides"""
+    material: str | None = None
+    """of the surface, by its name in the library; null: as identified"""
+    interior_material: str | None = None
+    """null: as the surface"""
+    thickness_m: Annotated[float, Field(gt=0, lt=1)] | None = None
+    """of a sheet or rod; null: measured, else the library's"""
+
+
+class AccelerationForce(_Section):
+    """An acceleration on every particle of a part during a time window."""
+
+    kind: Literal["acceleration"] = "acceleration"
+    """acceleration: metres per second squared on all of the part's mass"""
+    part: PartName = ALL_PARTS
+    """name of a part, or all"""
+    value_ms2: Vector
+    """in the input's axes"""
+    from_s: Annotated[float, Field(ge=0)] = 0.0
+    """start of the window"""
+    to_s: Annotated[float, Field(gt=0)]
+    """end of the window"""
+
+    @model_validator(mode="after")
+    def _window_is_ordered(self) -> AccelerationForce:
+        if self.to_s <= self.from_s:
+            raise ValueError(f"to_s must be later than from_s, got {self.from_s:g} to {self.to_s:g} s")
+        return self
+
+
+class Motion(_Section):
+    """What happens to the object, besides the forces given."""
+
+    preset: Literal["auto", "sway", "rest"] = "auto"
+    """sway: a gust on what is not held; rest: nothing; auto: rest where forces are given, else sway"""
+    wind: Auto | Direction = "auto"
+    """direction of the gust in the input's axes; auto: horizontal"""
+    amplitude_rel: Annotated[float, Field(gt=0, le=0.5)] = 0.10
+    """displacement aimed at (99th percentile of the free Gaussians), of the height"""
+    acceleration_ms2: Auto | Positive = "auto"
+    """peak of the gust; auto: from a coarse probe that aims at amplitude_rel"""
+    duration_s: Annotated[float, Field(gt=0, le=60)] = 0.3
+    """length of the gust"""
+
+
+class Simulation(_Section):
+    """The Material Point Method (Paper: Sec. 3.5)."""
+
+    grid: Annotated[int, Field(ge=8, le=512)] = 64
+    """cells along the object's longest side"""
+    duration_s: Annotated[float, Field(gt=0, le=600)] = 2.0
+    """of the film; frames = round(duration_s * fps)"""
+    fps: Annotated[float, Field(ge=1, le=240)] = 24.0
+    """frames of the film per second"""
+    frame_time_s: Auto | Annotated[float, Field(gt=0, le=10)] = "auto"
+    """simulated time between two frames; auto: 1 / fps (real time)"""
+    cfl: Annotated[float, Field(gt=0, le=0.6)] = 0.4
+    """time step as a share of the time in which a wave crosses a cell"""
+    damping_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.08
+    """of the lowest mode (mass-proportional)"""
+    max_substeps: Annotated[int, Field(ge=10, le=1_000_000)] = 1500
+    """per frame: thin parts are thickened until they need no more"""
+    threads: Auto | Annotated[int, Field(ge=1, le=1024)] = "auto"
+    """auto: all cores; the result does not depend on it"""
+    chunks: Annotated[int, Field(ge=1, le=1024)] = 8
+    """groups of particles that are summed apart; fixes the order of summation"""
+
+
+class Video(_Section):
+    """The film of video.mp4, preview.png and contact_sheet.png."""
+
+    width: Annotated[int, Field(ge=64, le=7680)] = 800
+    """pixels"""
+    height: Auto | Annotated[int, Field(ge=64, le=7680)] = "auto"
+    """pixels; auto: from the object's shape"""
+    orbit_deg: Annotated[float, Field(ge=-3600, le=3600)] = 60.0
+    """how far the camera travels round the object during the film"""
+    elevation_deg: Annotated[float, Field(ge=-89, le=89)] = 12.0
+    """of the camera above the horizon"""
+    fps: Auto | Annotated[float, Field(ge=1, le=240)] = "auto"
+    """auto: simulation.fps"""
+    background: Literal["white", "black", "grey"] = "white"
+    """behind the object"""
+
+
+class Output(_Section):
+    """Which files are written."""
+
+    frames: Literal["ply", "none"] = "ply"
+    """ply: one complete 3DGS PLY per frame"""
+    trajectory: bool = True
+    """write trajectory.npz"""
+    video: Video = Field(default_factory=Video)
+
+
+class Scene(_Section):
+    """One object, how it is understood, what moves it and what is written."""
+
+    input: FilePath
+    """the splat; relative to this file"""
+    up: AxisName | Direction = "auto"
+    """auto, +-x +-y +-z or [x, y, z], in the input's axes"""
+    height_m: Auto | Positive = "auto"
+    """real extent along up; auto: 0.3 with a warning, unless longest_m is given"""
+    longest_m: Positive | None = None
+    """real extent of the longest side, instead of height_m"""
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
+    """of everything that is drawn at random"""
+    views: ViewSet = Field(default_factory=ViewSet)
+    grouping: Grouping = Field(default_factory=Grouping)
+    interior: Interior = Field(default_factory=Interior)
+    materials: Materials = Field(default_factory=Materials)
+    parts: dict[PartName, PartOptions] = Field(default_factory=dict)
+    """options by part name"""
+    motion: Motion = Field(default_factory=Motion)
+    forces: tuple[AccelerationForce, ...] = ()
+    """accelerations besides the motion's own"""
+    gravity: Literal["rest"] = "rest"
+    """rest: the shape given is at rest under gravity"""
+    simulation: Simulation = Field(default_factory=Simulation)
+    output: Output = Field(default_factory=Output)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _lists_to_tuples(cls, data: Any) -> Any:
+        """YAML has lists only; in strict mode pydantic wants the tuple."""
+        if isinstance(data, Mapping) and isinstance(data.get("forces"), list):
+            return {**data, "forces": tuple(data["forces"])}
+        return data
+
+    @model_validator(mode="after")
+    def _one_size(self) -> Scene:
+        if self.longest_m is not None and self.height_m != "auto":
+            raise ValueError("height_m and longest_m both give the size; keep one of them")
+        if ALL_PARTS in self.parts:
+            raise ValueError(f"parts: '{ALL_PARTS}' means every part in a force and cannot name a part")
+        return self
+
+    @property
+    def frame_count(self) -> int:
+        """Frames of the film; frame 0 is the rest pose."""
+        return max(1, round(self.simulation.duration_s * self.simulation.fps))
+
+    @property
+    def frame_time_s(self) -> float:
+        """Simulated seconds between two frames."""
+        chosen = self.simulation.frame_time_s
+        return 1.0 / self.simulation.fps if isinstance(chosen, str) else chosen
+
+    def with_overrides(self, overrides: Mapping[str, Any], *, source: str = "override") -> Scene:
+        """A validated copy with some values replaced.
+
+        Args:
+            overrides: dotted key -> value, for example ``{"simulation.grid": 96, "parts.pot.hold": "fixed"}``.
+            source: where the values come from, for errors.
+
+        Raises:
+            SceneError: a key is unknown, or a value is of the wrong type or out of range.
+        """
+        tree = self.model_dump()
+        for dotted, value in overrides.items():
+            *path, last = dotted.split(".")
+            node: Any = tree
+            for key in path:
+                node = node.setdefault(key, {}) if isinstance(node, dict) else None
+            if not isinstance(node, dict):
+                raise SceneError(f"{source}: '{dotted}' is no key of a scene, because '{'.'.join(path)}' is one value.")
+            node[last] = value
+        return _validated(tree, source=source, lines={})
+
+
+def load_scene(path: Path | str) -> Scene:
+    """Read scene.yaml; relative paths in it are taken from the folder that it lies in.
+
+    Raises:
+        SceneError: the file is not YAML, has an unknown key or a bad value; names file, line, key and the way out.
+    """
+    path = Path(path)
+    try:
+        document = read_yaml(path)
+    except FormatError as error:
+        raise SceneError(str(error)) from error
+    if not isinstance(document.value, dict):
+        raise SceneError(f"{path}: expected keys such as 'input: plant.splat', got {document.value!r}.")
+    return _anchored(_validated(document.value, source=str(path), lines=document.lines), path.absolute().parent)
+
+
+def dump_scene(scene: Scene) -> str:
+    """The whole scene as YAML, with every default filled in and what each key means."""
+    return format_yaml(scene.model_dump(), comments=_comments(Scene, ()))
+
+
+def _validated(tree: Any, *, source: str, lines: Mapping[Any, int]) -> Scene:
+    try:
+        return Scene.model_validate(tree)
+    except ValidationError as error:
+        raise SceneError(explain(error, Scene, source=source, lines=lines)) from error
+
+
+def _anchored(scene: Scene, folder: Path) -> Scene:
+    """The scene with its relative paths made absolute."""
+    grouping, materials = scene.grouping, scene.materials
+    if grouping.labels_file is not None:
+        grouping = grouping.model_copy(update={"labels_file": folder / grouping.labels_file})
+    if materials.file is not None:
+        materials = materials.model_copy(update={"file": folder / materials.file})
+    return scene.model_copy(update={"input": folder / scene.input, "grouping": grouping, "materials": materials})
+
+
+def _comments(section: type[BaseModel], path: tuple[str, ...]) -> dict[tuple[str, ...], str]:
+    """The docstrings of the fields, by the keys from the root."""
+    found: dict[tuple[str, ...], str] = {}
+    for name, field in section.model_fields.items():
+        if field.description:
+            found[(*path, name)] = field.description
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            found.update(_comments(field.annotation, (*path, name)))
+    return found

@@ -1,0 +1,125 @@
+"""Turns pydantic's report on a scene into one readable sentence with file, line, key and the way out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from phys4dgen.errors import did_you_mean
+
+__all__ = ["explain"]
+
+_EXPECTED = {
+    "greater_than": "a number greater than {gt:g}",
+    "greater_than_equal": "a number of at least {ge:g}",
+    "less_than": "a number less than {lt:g}",
+    "less_than_equal": "a number of at most {le:g}",
+    "literal_error": "{expected}",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "string_type": "text",
+    "is_instance_of": "a file name",
+    "path_type": "a file name",
+    "tuple_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "string_pattern_mismatch": "a name of letters, digits, '_', '-' and spaces",
+}
+
+
+def explain(
+    error: ValidationError, model: type[BaseModel], *, source: str, lines: Mapping[tuple[Any, ...], int]
+) -> str:
+    """One sentence on the first problem of ``error``, and how many more there are.
+
+    Args:
+        error: what pydantic found.
+        model: the root model that was validated.
+        source: the file or flag that the values come from.
+        lines: line of each key in the file, by the keys from the root; may be empty.
+    """
+    problems: dict[tuple[Any, ...], list[Any]] = {}
+    for item in error.errors(include_url=False):
+        problems.setdefault(_key_path(item["loc"], model), []).append(item)
+    # A misspelt key is the cause of a missing one, so it goes first.
+    path, items = min(problems.items(), key=lambda problem: problem[1][0]["type"] != "extra_forbidden")
+    line = next((lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in lines), None)
+    place = f"{source} line {line}" if line is not None else source
+    more = f" (And {len(problems) - 1} more to correct.)" if len(problems) > 1 else ""
+    return f"{place}: {_sentence(path, items, model)}{more}"
+
+
+def _sentence(path: tuple[Any, ...], items: list[Any], model: type[BaseModel]) -> str:
+    key = ".".join(map(str, path))
+    kinds = {item["type"] for item in items}
+    if kinds == {"extra_forbidden"}:
+        known = _keys_at(path[:-1], model)
+        hint = did_you_mean(str(path[-1]), known) or f" Known keys here: {', '.join(known)}."
+        return f"'{key}' is not a key of a scene.{hint}"
+    if kinds == {"missing"}:
+        return f"'{key}' is missing; add it."
+    if "value_error" in kinds:
+        text = next(item["msg"] for item in items if item["type"] == "value_error").removeprefix("Value error, ")
+        return f"{key}: {text}." if key else f"{text}."
+    expected = " or ".join(dict.fromkeys(_expected(item) for item in items))
+    got = items[0]["input"]
+    hint = did_you_mean(got, _choices(items)) if isinstance(got, str) and got else ""
+    return f"{key}: expected {expected}, got {_shown(got)}.{hint}"
+
+
+def _expected(item: Any) -> str:
+    template = _EXPECTED.get(item["type"])
+    return template.format(**item.get("ctx", {})) if template else item["msg"][:1].lower() + item["msg"][1:]
+
+
+def _choices(items: list[Any]) -> list[str]:
+    literal = next((item["ctx"]["expected"] for item in items if item["type"] == "literal_error"), "")
+    return [word.strip("' ") for word in literal.replace(" or ", ", ").split(",") if word]
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _key_path(loc: tuple[Any, ...], model: type[BaseModel]) -> tuple[Any, ...]:
+    """The keys of the scene in pydantic's location, without the union members that it adds at its end."""
+    path: list[Any] = []
+    here: Any = model
+    for step in loc:
+        if here is None:
+            break
+        path.append(step)
+        here = _below(here, step)
+    return tuple(path)
+
+
+def _below(annotation: Any, step: Any) -> Any:
+    """What stands under a key: a model, a collection that holds one, or None."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        field = annotation.model_fields.get(step)
+        return _container(field.annotation) if field is not None else None
+    return next((argument for argument in get_args(annotation) if _is_model(argument)), None)
+
+
+def _container(annotation: Any) -> Any:
+    """The annotation where keys or positions follow below it (a model, a mapping, a list of models), else None."""
+    origin = get_origin(annotation)
+    is_list_of_models = origin is tuple and any(_is_model(argument) for argument in get_args(annotation))
+    return annotation if _is_model(annotation) or origin is dict or is_list_of_models else None
+
+
+def _is_model(annotation: Any) -> bool:
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def _keys_at(path: tuple[Any, ...], model: type[BaseModel]) -> list[str]:
+    here: Any = model
+    for step in path:
+        here = _below(here, step)
+    return list(here.model_fields) if _is_model(here) else []
