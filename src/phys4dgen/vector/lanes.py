@@ -1,0 +1,479 @@
+"""Explicit SIMD for Numba: value types of 16 or 32 lanes, lowered to LLVM vector instructions.
+
+Numba vectorises simple loops but not the particle mathematics of this package. Here a value such as ``float32x16``
+*is* an LLVM ``<16 x float>``: operators act lane by lane, LLVM splits the lanes over the registers of the machine
+(AVX-512, AVX2, SSE, NEON), and no C++ compiler is needed. The names work only inside ``numba.njit`` functions.
+
+A lane type has a kind (float32, int32 or bool) and a number of lanes. Python numbers mix with lanes and are
+broadcast. Comparisons give bool lanes for ``where`` and ``any_lane``. Arithmetic is fast-math: NaN and infinity may
+appear but are never relied on.
+
+Loads and stores take a one-dimensional contiguous float32 array (int32 for int lanes) and an element index; they
+check no bounds and need no alignment.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numba.extending
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.typing import templates
+from numba.core.typing.templates import AbstractTemplate, signature
+from numba.extending import lower_builtin, lower_cast, models, register_model
+
+__all__ = [
+    "Lanes",
+    "absolute",
+    "any_lane",
+    "as_float_bits",
+    "as_int_bits",
+    "constant16",
+    "float32x16",
+    "float32x32",
+    "floor",
+    "group_last",
+    "group_sums",
+    "int32x16",
+    "int32x32",
+    "like",
+    "load16",
+    "load32",
+    "load_group_each",
+    "load_group_repeated",
+    "load_transposed16",
+    "load_transposed32",
+    "maximum",
+    "minimum",
+    "splat16",
+    "splat32",
+    "sqrt",
+    "store",
+    "store_transposed",
+    "to_float",
+    "to_int",
+    "where",
+]
+
+# Numba's decorators change the signature of what they decorate; to a type checker they are opaque.
+intrinsic: Any = numba.extending.intrinsic
+infer_global: Any = templates.infer_global
+
+_I32 = ir.IntType(32)
+_ELEMENTS = {"float32": ir.FloatType(), "int32": _I32, "bool": ir.IntType(1)}
+_FAST = ("nsz", "arcp", "contract", "reassoc", "afn", "ninf", "nnan")
+
+
+class Lanes(types.Type):
+    """The Numba type of ``count`` lanes of ``kind`` ("float32", "int32" or "bool")."""
+
+    def __init__(self, kind: str, count: int) -> None:
+        self.kind = kind
+        self.count = count
+        super().__init__(name=f"{kind}x{count}")
+
+    @property
+    def llvm(self) -> ir.VectorType:
+        """The LLVM vector type."""
+        return ir.VectorType(_ELEMENTS[self.kind], self.count)
+
+    def of(self, kind: str) -> Lanes:
+        """As many lanes of another kind."""
+        return Lanes(kind, self.count)
+
+
+@register_model(Lanes)
+class _LanesModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, lanes: Lanes) -> None:
+        super().__init__(manager, lanes, lanes.llvm)
+
+
+float32x16 = Lanes("float32", 16)
+float32x32 = Lanes("float32", 32)
+int32x16 = Lanes("int32", 16)
+int32x32 = Lanes("int32", 32)
+
+
+def _broadcast(builder: Any, value: Any, vector: ir.VectorType) -> Any:
+    undefined = ir.Constant(vector, ir.Undefined)
+    first = builder.insert_element(undefined, value, ir.Constant(_I32, 0))
+    zeros = ir.Constant(ir.VectorType(_I32, vector.count), [0] * vector.count)
+    return builder.shuffle_vector(first, undefined, zeros)
+
+
+def _shuffle(builder: Any, a: Any, b: Any, order: Sequence[int]) -> Any:
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, len(order)), list(order)))
+
+
+@lower_cast(types.Number, Lanes)
+def _number_to_lanes(context: Any, builder: Any, source: Any, target: Lanes, value: Any) -> Any:
+    element = types.float32 if target.kind == "float32" else types.int32
+    return _broadcast(builder, context.cast(builder, value, source, element), target.llvm)
+
+
+# ---------------------------------------------------------------------------------------------------- operators
+
+_BINARY: dict[tuple[Any, str], Callable[[Any, Any, Any], Any]] = {}
+
+
+def _define_binary(op: Any, kind: str, emit: Callable[[Any, Any, Any], Any], result_kind: str | None = None) -> None:
+    """Define ``op`` between lanes of one kind, or between lanes and a number."""
+    _BINARY[op, kind] = emit
+
+    @infer_global(op)
+    class _Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            lanes = [arg for arg in args if isinstance(arg, Lanes)]
+            if len(args) != 2 or not lanes or lanes[0].kind != kind:
+                return None
+            if not all(arg == lanes[0] if isinstance(arg, Lanes) else isinstance(arg, types.Number) for arg in args):
+                return None
+            return signature(lanes[0].of(result_kind or kind), lanes[0], lanes[0])
+
+    @lower_builtin(op, Lanes, Lanes)
+    def _lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _BINARY[op, sig.args[0].kind](builder, *args)
+
+
+def _fast(method: str) -> Callable[[Any, Any, Any], Any]:
+    return lambda builder, a, b: getattr(builder, method)(a, b, flags=_FAST)
+
+
+def _plain(method: str) -> Callable[[Any, Any, Any], Any]:
+    return lambda builder, a, b: getattr(builder, method)(a, b)
+
+
+def _compare(method: str, symbol: str) -> Callable[[Any, Any, Any], Any]:
+    return lambda builder, a, b: getattr(builder, method)(symbol, a, b)
+
+
+for _method, _ops in {
+    "fadd": (operator.add, operator.iadd),
+    "fsub": (operator.sub, operator.isub),
+    "fmul": (operator.mul, operator.imul),
+    "fdiv": (operator.truediv, operator.itruediv),
+}.items():
+    for _op in _ops:
+        _define_binary(_op, "float32", _fast(_method))
+for _method, _op in {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "and_": operator.and_,
+    "or_": operator.or_,
+    "shl": operator.lshift,
+    "ashr": operator.rshift,
+}.items():
+    _define_binary(_op, "int32", _plain(_method))
+for _symbol, _op in {">": operator.gt, "<": operator.lt, ">=": operator.ge, "<=": operator.le}.items():
+    _define_binary(_op, "float32", _compare("fcmp_ordered", _symbol), "bool")
+    _define_binary(_op, "int32", _compare("icmp_signed", _symbol), "bool")
+_define_binary(operator.and_, "bool", _plain("and_"))
+_define_binary(operator.or_, "bool", _plain("or_"))
+
+
+@infer_global(operator.neg)
+class _Negative(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        if isinstance(args[0], Lanes) and args[0].kind == "float32":
+            return signature(args[0], args[0])
+        return None
+
+
+@lower_builtin(operator.neg, Lanes)
+def _lower_negative(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    return builder.fneg(args[0], flags=_FAST)
+
+
+# ---------------------------------------------------------------------------------------------------- functions
+
+
+def _llvm_float_call(name: str, count: int) -> Any:
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        vector = sig.args[0].llvm
+        function_type = ir.FunctionType(vector, [vector] * count)
+        full_name = f"llvm.{name}.v{vector.count}f32"
+        return builder.call(
+            cgutils.get_or_insert_function(builder.module, function_type, full_name), args, fastmath=_FAST
+        )
+
+    return emit
+
+
+@intrinsic
+def sqrt(typing_context, x):
+    """Square root of float lanes."""
+    return x(x), _llvm_float_call("sqrt", 1)
+
+
+@intrinsic
+def absolute(typing_context, x):
+    """Absolute value of float lanes."""
+    return x(x), _llvm_float_call("fabs", 1)
+
+
+@intrinsic
+def floor(typing_context, x):
+    """Largest whole number not above each float lane, as float lanes."""
+    return x(x), _llvm_float_call("floor", 1)
+
+
+def _least_or_greatest(float_name: str, symbol: str) -> Any:
+    call = _llvm_float_call(float_name, 2)
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        if sig.args[0].kind == "float32":
+            return call(context, builder, sig, args)
+        return builder.select(builder.icmp_signed(symbol, args[0], args[1]), args[0], args[1])
+
+    return emit
+
+
+@intrinsic
+def minimum(typing_context, x, y):
+    """The smaller of two float or int lanes; y may be a number."""
+    return x(x, x), _least_or_greatest("minnum", "<")
+
+
+@intrinsic
+def maximum(typing_context, x, y):
+    """The larger of two float or int lanes; y may be a number."""
+    return x(x, x), _least_or_greatest("maxnum", ">")
+
+
+@intrinsic
+def where(typing_context, mask, x, y):
+    """Lanes of x where mask, else of y (lanes or a number)."""
+    return x(mask, x, x), lambda context, builder, sig, args: builder.select(*args)
+
+
+@intrinsic
+def any_lane(typing_context, mask):
+    """True if any lane of a bool vector is true."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        vector = sig.args[0].llvm
+        function_type = ir.FunctionType(ir.IntType(1), [vector])
+        name = f"llvm.vector.reduce.or.v{vector.count}i1"
+        return builder.call(cgutils.get_or_insert_function(builder.module, function_type, name), args)
+
+    return types.boolean(mask), emit
+
+
+@intrinsic
+def to_int(typing_context, x):
+    """Float lanes to int32 lanes, towards zero."""
+    return x.of("int32")(x), lambda context, builder, sig, args: builder.fptosi(args[0], sig.return_type.llvm)
+
+
+@intrinsic
+def to_float(typing_context, x):
+    """Int32 lanes to float32 lanes."""
+    return x.of("float32")(x), lambda context, builder, sig, args: builder.sitofp(args[0], sig.return_type.llvm)
+
+
+@intrinsic
+def as_int_bits(typing_context, x):
+    """The bits of float32 lanes as int32 lanes."""
+    return x.of("int32")(x), lambda context, builder, sig, args: builder.bitcast(args[0], sig.return_type.llvm)
+
+
+@intrinsic
+def as_float_bits(typing_context, x):
+    """The bits of int32 lanes as float32 lanes."""
+    return x.of("float32")(x), lambda context, builder, sig, args: builder.bitcast(args[0], sig.return_type.llvm)
+
+
+@intrinsic
+def splat16(typing_context, x):
+    """The number x in 16 float32 lanes."""
+    return float32x16(types.float32), lambda context, builder, sig, args: _broadcast(builder, args[0], float32x16.llvm)
+
+
+@intrinsic
+def splat32(typing_context, x):
+    """The number x in 32 float32 lanes."""
+    return float32x32(types.float32), lambda context, builder, sig, args: _broadcast(builder, args[0], float32x32.llvm)
+
+
+@intrinsic
+def like(typing_context, lanes, x):
+    """The number x in float32 lanes, as many as ``lanes`` has."""
+    result = lanes.of("float32")
+    return result(lanes, types.float32), lambda context, builder, sig, args: _broadcast(builder, args[1], result.llvm)
+
+
+def constant16(values: Sequence[float]) -> Any:
+    """Make a function of no arguments, for use in kernels, that gives these 16 constants as float32 lanes."""
+    constants = [float(value) for value in values]
+
+    @intrinsic
+    def constant(typing_context):
+        return float32x16(), lambda context, builder, sig, args: ir.Constant(float32x16.llvm, constants)
+
+    return constant
+
+
+# ------------------------------------------------------------------------------------------------------- memory
+
+
+def _element_pointer(context: Any, builder: Any, array_type: Any, array: Any, index_type: Any, index: Any) -> Any:
+    data = context.make_array(array_type)(context, builder, array).data
+    return builder.gep(data, [context.cast(builder, index, index_type, types.intp)])
+
+
+def _load_vector(context: Any, builder: Any, sig: Any, args: Any, vector: ir.VectorType) -> Any:
+    pointer = _element_pointer(context, builder, sig.args[0], args[0], sig.args[1], args[1])
+    value = builder.load(builder.bitcast(pointer, vector.as_pointer()))
+    value.align = 4
+    return value
+
+
+def _array_kind(array: Any) -> str:
+    return "int32" if array.dtype == types.int32 else "float32"
+
+
+@intrinsic
+def load16(typing_context, array, index):
+    """16 lanes from array[index], [index + 1], ..."""
+    lanes = Lanes(_array_kind(array), 16)
+    return lanes(array, index), lambda c, b, sig, args: _load_vector(c, b, sig, args, lanes.llvm)
+
+
+@intrinsic
+def load32(typing_context, array, index):
+    """32 lanes from array[index], [index + 1], ..."""
+    lanes = Lanes(_array_kind(array), 32)
+    return lanes(array, index), lambda c, b, sig, args: _load_vector(c, b, sig, args, lanes.llvm)
+
+
+@intrinsic
+def store(typing_context, array, index, lanes):
+    """Write all lanes to array[index], [index + 1], ..."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _element_pointer(context, builder, sig.args[0], args[0], sig.args[1], args[1])
+        builder.store(args[2], builder.bitcast(pointer, lanes.llvm.as_pointer())).align = 4
+        return context.get_dummy_value()
+
+    return types.none(array, index, lanes), emit
+
+
+# ------------------------------------------------------------- groups: 16 lanes as four groups of four lanes
+
+
+@intrinsic
+def load_group_repeated(typing_context, array, index):
+    """The four floats a b c d at array[index] in every group: abcd abcd abcd abcd."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        four = _load_vector(context, builder, sig, args, ir.VectorType(ir.FloatType(), 4))
+        return _shuffle(builder, four, four, [lane % 4 for lane in range(16)])
+
+    return float32x16(array, index), emit
+
+
+@intrinsic
+def load_group_each(typing_context, array, index):
+    """The four floats a b c d at array[index], one per group: aaaa bbbb cccc dddd."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        four = _load_vector(context, builder, sig, args, ir.VectorType(ir.FloatType(), 4))
+        return _shuffle(builder, four, four, [lane // 4 for lane in range(16)])
+
+    return float32x16(array, index), emit
+
+
+@intrinsic
+def group_last(typing_context, x):
+    """The last lane of each group in all four lanes of the group."""
+    order = [lane // 4 * 4 + 3 for lane in range(16)]
+    return float32x16(float32x16), lambda context, builder, sig, args: _shuffle(builder, args[0], args[0], order)
+
+
+@intrinsic
+def group_sums(typing_context, p, q, r, s):
+    """Sum of the first three groups of each argument: [sum of p | sum of q | sum of r | sum of s]."""
+
+    def pair(i: int, j: int) -> list[int]:
+        return [4 * i + lane for lane in range(4)] + [4 * j + lane for lane in range(4)]
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        p, q, r, s = args
+        low_pq, low_rs = (_shuffle(builder, a, b, pair(0, 4) + pair(1, 5)) for a, b in ((p, q), (r, s)))
+        high_pq, high_rs = (_shuffle(builder, a, b, pair(2, 6) + pair(3, 7)) for a, b in ((p, q), (r, s)))
+        first = _shuffle(builder, low_pq, low_rs, pair(0, 1) + pair(4, 5))
+        second = _shuffle(builder, low_pq, low_rs, pair(2, 3) + pair(6, 7))
+        third = _shuffle(builder, high_pq, high_rs, pair(0, 1) + pair(4, 5))
+        return builder.fadd(builder.fadd(first, second, flags=_FAST), third, flags=_FAST)
+
+    return float32x16(p, q, r, s), emit
+
+
+# --------------------------------------------------------- transposition: rows of 16 floats <-> columns in lanes
+
+
+def _transpose16(builder: Any, rows: Sequence[Any]) -> list[Any]:
+    """16 x 16 transposition in registers: swap off-diagonal blocks of side 8, 4, 2, 1."""
+    rows = list(rows)
+    for side in (8, 4, 2, 1):
+        for i in range(16):
+            if not i & side:
+                a, b = rows[i], rows[i + side]
+                rows[i] = _shuffle(builder, a, b, [k + 16 - side if k & side else k for k in range(16)])
+                rows[i + side] = _shuffle(builder, a, b, [k + 16 if k & side else k + side for k in range(16)])
+    return rows
+
+
+def _row_pointer(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    pointer = _element_pointer(context, builder, sig.args[0], args[0], sig.args[1], args[1])
+    return builder.bitcast(pointer, float32x16.llvm.as_pointer())
+
+
+def _emit_load_transposed(count: int) -> Any:
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _row_pointer(context, builder, sig, args)
+        blocks = []
+        for start in range(0, count, 16):
+            rows = [builder.load(builder.gep(pointer, [ir.Constant(_I32, start + k)])) for k in range(16)]
+            for row in rows:
+                row.align = 4
+            blocks.append(_transpose16(builder, rows))
+        columns = blocks[0]
+        if count == 32:
+            columns = [_shuffle(builder, low, high, range(32)) for low, high in zip(*blocks, strict=True)]
+        return context.make_tuple(builder, sig.return_type, columns)
+
+    return emit
+
+
+@intrinsic
+def load_transposed16(typing_context, array, index):
+    """16 rows of 16 floats from array[index] on -> the 16 columns, each 16 lanes (lane = row)."""
+    return types.UniTuple(float32x16, 16)(array, index), _emit_load_transposed(16)
+
+
+@intrinsic
+def load_transposed32(typing_context, array, index):
+    """32 rows of 16 floats from array[index] on -> the 16 columns, each 32 lanes (lane = row)."""
+    return types.UniTuple(float32x32, 16)(array, index), _emit_load_transposed(32)
+
+
+@intrinsic
+def store_transposed(typing_context, array, index, columns):
+    """Write 16 columns of 16 or 32 lanes as that many rows of 16 floats, from array[index] on."""
+    count = columns.dtype.count
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _row_pointer(context, builder, sig, args)
+        lanes = cgutils.unpack_tuple(builder, args[2], 16)
+        for start in range(0, count, 16):
+            rows = _transpose16(builder, [_shuffle(builder, x, x, range(start, start + 16)) for x in lanes])
+            for k, row in enumerate(rows):
+                builder.store(row, builder.gep(pointer, [ir.Constant(_I32, start + k)])).align = 4
+        return context.get_dummy_value()
+
+    return types.none(array, index, columns), emit
