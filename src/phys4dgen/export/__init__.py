@@ -1,0 +1,1 @@
+"""What a run leaves behind: frames, trajectory, video, pictures and the facts about a file."""
