@@ -1,0 +1,127 @@
+"""Baked light: a sky dome, a soft key light and a ground bounce, with occlusion from orthographic depth maps.
+
+The colours of a captured splat hold the light of the room. The bundled object gets its light here: the irradiance of
+every Gaussian is summed over directions, each tested against a depth map of all Gaussians seen from that direction
+(shadow maps averaged over the sphere = ambient occlusion; over a narrow cone = a soft shadow).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from phys4dgen.zoo.patch import Array
+
+__all__ = ["bake_irradiance", "gloss_sh1", "linear_to_srgb", "srgb_to_linear"]
+
+KEY_DIRECTION = np.array([-0.55, 0.75, 0.62]) / np.linalg.norm([-0.55, 0.75, 0.62])
+KEY_COLOR = np.array([1.0, 0.95, 0.86])
+KEY_STRENGTH = 1.55
+ZENITH_COLOR = np.array([0.90, 0.96, 1.06])
+HORIZON_COLOR = np.array([1.00, 0.98, 0.95])
+SKY_STRENGTH = 0.78
+BOUNCE_COLOR = np.array([0.40, 0.37, 0.34])
+MAP_PIXEL_M = 0.0024
+"""Pixel of the depth maps: wider than the widest spacing of the Gaussians, so that surfaces are closed in them."""
+
+
+def srgb_to_linear(color: NDArray[np.floating]) -> Array:
+    """sRGB in [0, 1] -> linear light (IEC 61966-2-1)."""
+    c = np.asarray(color, np.float64)
+    return np.where(c <= 0.04045, c / 12.92, ((np.maximum(c, 0.04045) + 0.055) / 1.055) ** 2.4)
+
+
+def linear_to_srgb(light: NDArray[np.floating]) -> Array:
+    """Linear light -> sRGB; values above 1 are rolled off smoothly from 0.8 so that highlights keep their hue."""
+    x = np.maximum(np.asarray(light, np.float64), 0)
+    knee = 0.8
+    x = np.where(x > knee, knee + (1 - knee) * (1 - np.exp(-(x - knee) / (1 - knee))), x)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def bake_irradiance(points: Array, normals: Array, *, transmission: Array) -> Array:
+    """Irradiance / pi of every sample in linear light, shape [N, 3]; y is up and the ground is y = 0.
+
+    Args:
+        points: metres, shape [N, 3].
+        normals: unit, shape [N, 3].
+        transmission: share of the light on the far side that shines through (leaves, petals), shape [N].
+    """
+    sky = _fibonacci_sphere(96)
+    rise = sky[:, 1:2]
+    radiance = SKY_STRENGTH * (HORIZON_COLOR + (ZENITH_COLOR - HORIZON_COLOR) * np.clip(rise, 0, 1))
+    radiance = radiance * (0.75 + 0.45 * np.clip(rise, 0, 1)) * 4 / len(sky)
+    ground = rise[:, 0] < 0
+    radiance[ground] = BOUNCE_COLOR * 4 / len(sky)
+    key = _cone(KEY_DIRECTION, half_angle_deg=9.0, count=14)
+    key_radiance = np.tile(KEY_STRENGTH * KEY_COLOR / len(key), (len(key), 1))
+
+    open_ground = 1 - 0.85 * np.exp(-np.maximum(points[:, 1], 0) / 0.03)  # the object shades the ground beside it
+    result = np.zeros((len(points), 3))
+    for direction, light, from_ground in zip(
+        np.vstack([sky, key]),
+        np.vstack([radiance, key_radiance]),
+        np.concatenate([ground, np.zeros(len(key), bool)]),
+        strict=True,
+    ):
+        cosine = normals @ direction
+        received = np.maximum(cosine, 0) + transmission * np.maximum(-cosine, 0)
+        received *= _lit(points, direction, cosine)
+        if from_ground:
+            received *= open_ground
+        result += received[:, None] * light
+    # Neighbours that face the same way share their light: removes the grain of the depth maps.
+    _, neighbours = cKDTree(points + 0.006 * normals).query(points + 0.006 * normals, k=14)
+    return result[neighbours].mean(1)
+
+
+def gloss_sh1(normals: Array, strength: Array) -> Array:
+    """Degree-1 spherical harmonics that brighten a surface towards the mirror image of the key light.
+
+    Args:
+        normals: unit, shape [N, 3].
+        strength: change of sRGB colour when looking straight along the mirror direction, shape [N].
+
+    Returns:
+        Coefficients of one channel (the same for all three), shape [N, 3], in the order y, z, x of 3DGS.
+    """
+    facing = normals @ KEY_DIRECTION
+    mirror = 2 * facing[:, None] * normals - KEY_DIRECTION
+    # 3DGS evaluates SH along camera -> Gaussian: the camera that sees the highlight looks along -mirror.
+    gradient = -mirror * (strength * np.clip(facing, 0, 1))[:, None]
+    return gradient[:, [1, 2, 0]] * np.array([-1.0, 1.0, -1.0]) / 0.4886025119029199
+
+
+def _lit(points: Array, direction: Array, cosine: Array) -> Array:
+    """1 where nothing lies between the sample and the light, 0 in shadow; shape [N]."""
+    side = np.cross(direction, [0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    plane = np.stack([points @ side, points @ np.cross(direction, side)], 1)
+    cell = np.floor((plane - plane.min(0)) / MAP_PIXEL_M).astype(np.int64)
+    index = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
+    depth = -(points @ direction)
+    nearest = np.full(int(index.max()) + 1, np.inf)
+    np.minimum.at(nearest, index, depth)
+    slope = np.sqrt(np.maximum(1 - cosine * cosine, 0)) / np.maximum(np.abs(cosine), 0.25)
+    return (depth < nearest[index] + 0.003 + MAP_PIXEL_M * slope).astype(np.float64)
+
+
+def _fibonacci_sphere(count: int) -> Array:
+    """Evenly spread unit vectors, shape [count, 3]."""
+    k = np.arange(count) + 0.5
+    y = 1 - 2 * k / count
+    angle = np.pi * (1 + 5**0.5) * k
+    radius = np.sqrt(1 - y * y)
+    return np.stack([radius * np.cos(angle), y, radius * np.sin(angle)], 1)
+
+
+def _cone(axis: Array, *, half_angle_deg: float, count: int) -> Array:
+    """Unit vectors spread over a cone about ``axis``, shape [count, 3]."""
+    side = np.cross(axis, [0.0, 1.0, 0.0])
+    side /= np.linalg.norm(side)
+    k = np.arange(count) + 0.5
+    radius = np.tan(np.deg2rad(half_angle_deg)) * np.sqrt(k / count)
+    angle = np.pi * (1 + 5**0.5) * k
+    spread = axis + radius[:, None] * (np.cos(angle)[:, None] * side + np.sin(angle)[:, None] * np.cross(axis, side))
+    return spread / np.linalg.norm(spread, axis=1, keepdims=True)

@@ -1,0 +1,210 @@
+"""Rods along a curve and solids of revolution: stems, pots, the heart of a flower."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from phys4dgen.zoo.patch import Array, Patch, ragged_rows, staggered
+
+__all__ = ["Revolved", "Tube", "rounded_profile"]
+
+OVERLAP = 0.62
+"""Standard deviation of a Gaussian in units of the spacing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """A round rod with flat ends along a densely sampled centre line; metres.
+
+    Attributes:
+        centre: nodes of the centre line, shape [M, 3].
+        radius_m: at the nodes, shape [M].
+    """
+
+    centre: Array
+    radius_m: Array
+
+    @cached_property
+    def arc_m(self) -> Array:
+        """Arc length at the nodes, shape [M]."""
+        return np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(self.centre, axis=0), axis=1))])
+
+    @property
+    def volume_m3(self) -> float:
+        """Integral of pi r^2 along the centre line (Pappus)."""
+        return float(np.trapezoid(np.pi * self.radius_m**2, self.arc_m))
+
+    @property
+    def area_m2(self) -> float:
+        """Lateral area."""
+        slope = np.gradient(self.radius_m, self.arc_m)
+        return float(np.trapezoid(2 * np.pi * self.radius_m * np.hypot(1, slope), self.arc_m))
+
+    @cached_property
+    def _frames(self) -> tuple[Array, Array, Array]:
+        """Tangent and two normals at the nodes, without twist (parallel transport)."""
+        tangent = np.gradient(self.centre, self.arc_m, axis=0)
+        tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+        first = np.zeros_like(tangent)
+        seed = np.eye(3)[int(np.argmin(np.abs(tangent[0])))]
+        for k, t in enumerate(tangent):
+            seed = seed - (seed @ t) * t
+            seed = seed / np.linalg.norm(seed)
+            first[k] = seed
+        return tangent, first, np.cross(tangent, first)
+
+    def sample(self, spacing_m: float, rng: np.random.Generator) -> Patch:
+        """The lateral surface; ``coords`` = (arc length in metres, angle in radians)."""
+        length = self.arc_m[-1]
+        rows = max(2, round(length / spacing_m))
+        arc_row = (np.arange(rows) + 0.5) / rows * length
+        radius_row = np.interp(arc_row, self.arc_m, self.radius_m)
+        counts = np.maximum(6, np.round(2 * np.pi * radius_row / spacing_m)).astype(np.int64)
+        row, place = ragged_rows(counts)
+        arc = np.clip(arc_row[row] + rng.uniform(-0.1, 0.1, len(row)) * spacing_m, 0, length)
+        angle = 2 * np.pi * (staggered(row, place, counts) + rng.uniform(-0.08, 0.08, len(row)) / counts[row])
+
+        def at_arc(values: Array) -> Array:
+            return np.stack([np.interp(arc, self.arc_m, values[:, axis]) for axis in range(3)], 1)
+
+        tangent, first, second = (at_arc(axes) for axes in self._frames)
+        slope = np.interp(arc, self.arc_m, np.gradient(self.radius_m, self.arc_m))
+        radial = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
+        normal = radial - slope[:, None] * tangent
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        along = tangent - (tangent * normal).sum(1, keepdims=True) * normal
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        radius = np.interp(arc, self.arc_m, self.radius_m)
+        sigmas = np.stack(
+            [
+                OVERLAP * length / rows * np.hypot(1, slope),
+                OVERLAP * 2 * np.pi * radius / counts[row],
+                0.05 * radius,
+            ],
+            1,
+        )
+        return Patch(at_arc(self.centre) + radius[:, None] * radial, normal, along, sigmas, np.stack([arc, angle], 1))
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.centre)
+
+    def contains(self, points: Array) -> np.ndarray:
+        """Whether each point [N, 3] lies inside the rod."""
+        found = np.zeros(len(points), bool)
+        reach = float(self.radius_m.max() + np.diff(self.arc_m).max())
+        distance, node = self._tree.query(points, distance_upper_bound=reach)
+        near = np.flatnonzero(np.isfinite(distance))
+        last = len(self.centre) - 1
+        for shift in (-1, 0):  # the two segments that meet in the nearest node
+            start = node[near] + shift
+            valid = (start >= 0) & (start < last)
+            index, start = near[valid], start[valid]
+            a, edge = self.centre[start], self.centre[start + 1] - self.centre[start]
+            along = ((points[index] - a) * edge).sum(1) / (edge * edge).sum(1)
+            held = np.clip(along, 0, 1)
+            # Between two inner segments a wedge on the outer side of the bend belongs to neither: clamp there only.
+            beyond = ((along < 0) & (start == 0)) | ((along > 1) & (start == last - 1))
+            gap = np.linalg.norm(points[index] - a - held[:, None] * edge, axis=1)
+            radius = self.radius_m[start] + held * (self.radius_m[start + 1] - self.radius_m[start])
+            found[index] |= ~beyond & (gap < radius)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Revolved:
+    """A solid of revolution about its own y axis; metres.
+
+    Attributes:
+        profile: closed outline (radius, height), counter-clockwise in the (r, y) plane, shape [M, 2].
+        origin: where the axis' zero lies, shape [3].
+        rotation: columns are the solid's axes (x, y = axis, z) in the object's axes, shape [3, 3].
+    """
+
+    profile: Array
+    origin: Array
+    rotation: Array
+
+    @property
+    def volume_m3(self) -> float:
+        """2 pi times the first moment of the outline about the axis (Pappus)."""
+        r, y = self.profile.T
+        r_next, y_next = np.roll(r, -1), np.roll(y, -1)
+        return float(np.pi / 3 * ((r * r + r * r_next + r_next * r_next) * (y_next - y)).sum())
+
+    def sample(self, line: Array, spacing_m: float, rng: np.random.Generator) -> Patch:
+        """Samples along ``line``, a part of the outline; ``coords`` = (arc length along it in metres, angle).
+
+        Args:
+            line: points (radius, height) in the order of ``profile``, so that the normals point outwards, [K, 2].
+            spacing_m: distance between neighbours.
+            rng: for the jitter that hides the rows.
+        """
+        arc_nodes = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        rows = max(1, round(arc_nodes[-1] / spacing_m))
+        arc_row = (np.arange(rows) + 0.5) / rows * arc_nodes[-1]
+        counts = np.maximum(5, np.round(2 * np.pi * np.interp(arc_row, arc_nodes, line[:, 0]) / spacing_m))
+        counts = counts.astype(np.int64)
+        row, place = ragged_rows(counts)
+        arc = np.clip(arc_row[row] + rng.uniform(-0.12, 0.12, len(row)) * spacing_m, 0, arc_nodes[-1])
+        angle = 2 * np.pi * (staggered(row, place, counts) + rng.uniform(-0.1, 0.1, len(row)) / counts[row])
+        step = 0.5 * spacing_m  # the slope over one spacing: rounds the corners of the normals as well
+        radius, height = (np.interp(arc, arc_nodes, line[:, k]) for k in (0, 1))
+        run = np.stack(
+            [
+                np.interp(arc + step, arc_nodes, line[:, k]) - np.interp(arc - step, arc_nodes, line[:, k])
+                for k in (0, 1)
+            ],
+            1,
+        )
+        run /= np.linalg.norm(run, axis=1, keepdims=True)
+        c, s, zero = np.cos(angle), np.sin(angle), np.zeros(len(angle))
+        points = np.stack([radius * c, height, radius * s], 1)
+        along = np.stack([run[:, 0] * c, run[:, 1], run[:, 0] * s], 1)
+        normal = np.stack([run[:, 1] * c, -run[:, 0], run[:, 1] * s], 1)
+        sigmas = np.stack(
+            [
+                zero + OVERLAP * arc_nodes[-1] / rows,
+                OVERLAP * 2 * np.pi * np.maximum(radius, 0.3 * spacing_m) / counts[row],
+                zero + 0.12 * spacing_m,
+            ],
+            1,
+        )
+        turn = self.rotation.T
+        return Patch(points @ turn + self.origin, normal @ turn, along @ turn, sigmas, np.stack([arc, angle], 1))
+
+    def contains(self, points: Array) -> np.ndarray:
+        """Whether each point [N, 3] lies inside the solid (even-odd rule on the outline)."""
+        local = (points - self.origin) @ self.rotation
+        radius, height = np.hypot(local[:, 0], local[:, 2]), local[:, 1]
+        odd = np.zeros(len(points), bool)
+        for (r0, y0), (r1, y1) in zip(self.profile, np.roll(self.profile, -1, axis=0), strict=True):
+            if y0 != y1:
+                crosses = (height >= min(y0, y1)) & (height < max(y0, y1))
+                odd ^= crosses & (radius < r0 + (height - y0) * (r1 - r0) / (y1 - y0))
+        return odd
+
+
+def rounded_profile(corners: Array, radii_m: Array, *, steps: int = 6) -> Array:
+    """An open polyline whose inner corners are replaced by quadratic arcs.
+
+    Args:
+        corners: points (radius, height), shape [K, 2]; the first and the last stay.
+        radii_m: distance from each corner at which its arc starts, 0 keeps it sharp, shape [K].
+        steps: points per arc.
+    """
+    line = [corners[0]]
+    t = np.linspace(0, 1, steps)[:, None]
+    for before, corner, after, radius in zip(corners[:-2], corners[1:-1], corners[2:], radii_m[1:-1], strict=True):
+        if radius == 0:
+            line.append(corner)
+            continue
+        enter = corner + radius * (before - corner) / np.linalg.norm(before - corner)
+        leave = corner + radius * (after - corner) / np.linalg.norm(after - corner)
+        line.extend((1 - t) ** 2 * enter + 2 * t * (1 - t) * corner + t * t * leave)
+    line.append(corners[-1])
+    return np.array(line)
