@@ -130,7 +130,7 @@ def parts_picture(
         top = 2 * GAP_PX + tiles[0].height + index // legend_columns * 28
         draw.rectangle((left, top + 3, left + 20, top + 21), fill=tuple(color), outline=INK)
         short = name if len(name) <= 24 else name[:23] + "…"
-        draw.text((left + 28, top + 12), f"{index}  {short}  {100 * share:.1f} % of Gaussians", INK, font, anchor="lm")
+        draw.text((left + 28, top + 12), f"{index}: {short}, {100 * share:.1f} % of Gaussians", INK, font, anchor="lm")
     return np.asarray(picture)
 
 
