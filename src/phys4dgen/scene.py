@@ -7,7 +7,7 @@ Lengths, times and stresses carry their unit in the key; directions are in the i
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,7 +25,7 @@ from pydantic_core import PydanticCustomError
 
 from phys4dgen.errors import FormatError, SceneError
 from phys4dgen.scene_errors import explain
-from phys4dgen.yaml12 import format_yaml, read_yaml
+from phys4dgen.yaml12 import YamlPath, format_yaml, read_yaml
 
 __all__ = [
     "ALL_PARTS",
@@ -42,6 +42,7 @@ __all__ = [
     "ViewSet",
     "dump_scene",
     "load_scene",
+    "scene_keys",
 ]
 
 ALL_PARTS = "all"
@@ -72,7 +73,7 @@ FilePath = Annotated[
     BeforeValidator(lambda value: Path(value) if isinstance(value, str) and value else value),
     PlainSerializer(lambda value: value.as_posix(), return_type=str),
 ]
-PartName = Annotated[str, Field(pattern=r"^\w[\w -]{0,63}$")]
+PartName = Annotated[str, Field(pattern=r"^[^\W\d][\w -]{0,63}$")]
 Auto = Literal["auto"]
 AxisName = Literal["auto", "x", "+x", "-x", "y", "+y", "-y", "z", "+z", "-z"]
 Positive = Annotated[float, Field(gt=0, le=1e6)]
@@ -299,26 +300,42 @@ class Scene(_Section):
         chosen = self.simulation.frame_time_s
         return 1.0 / self.simulation.fps if isinstance(chosen, str) else chosen
 
-    def with_overrides(self, overrides: Mapping[str, Any], *, source: str = "override") -> Scene:
+    def with_overrides(self, overrides: Mapping[str, Any], *, sources: Mapping[str, str] | None = None) -> Scene:
         """A validated copy with some values replaced.
 
         Args:
             overrides: dotted key -> value, for example ``{"simulation.grid": 96, "parts.pot.hold": "fixed"}``.
-            source: where the values come from, for errors.
+            sources: dotted key -> where its value comes from (a flag), for errors.
 
         Raises:
             SceneError: a key is unknown, or a value is of the wrong type or out of range.
         """
+        sources = sources or {}
         tree = self.model_dump()
+        places: dict[YamlPath, str] = {}
         for dotted, value in overrides.items():
-            *path, last = dotted.split(".")
+            *path, last = [int(key) if key.isdecimal() else key for key in dotted.split(".")]
             node: Any = tree
             for key in path:
                 node = node.setdefault(key, {}) if isinstance(node, dict) else None
+            place = sources.get(dotted, "override")
             if not isinstance(node, dict):
-                raise SceneError(f"{source}: '{dotted}' is no key of a scene, because '{'.'.join(path)}' is one value.")
+                raise SceneError(
+                    f"{place}: '{dotted}' is not a key of a scene; what stands before the dot is one value."
+                )
             node[last] = value
-        return _validated(tree, source=source, lines={})
+            for length in range(len(path) + 1):
+                places.setdefault((*path, last)[: length + 1], place)
+        return _validated(tree, source="scene", places=places)
+
+    def with_paths_from(self, folder: Path) -> Scene:
+        """A copy whose relative paths are taken from ``folder``; absolute ones stay."""
+        grouping, materials = self.grouping, self.materials
+        if grouping.labels_file is not None:
+            grouping = grouping.model_copy(update={"labels_file": folder / grouping.labels_file})
+        if materials.file is not None:
+            materials = materials.model_copy(update={"file": folder / materials.file})
+        return self.model_copy(update={"input": folder / self.input, "grouping": grouping, "materials": materials})
 
 
 def load_scene(path: Path | str) -> Scene:
@@ -334,37 +351,29 @@ def load_scene(path: Path | str) -> Scene:
         raise SceneError(str(error)) from error
     if not isinstance(document.value, dict):
         raise SceneError(f"{path}: expected keys such as 'input: plant.splat', got {document.value!r}.")
-    return _anchored(_validated(document.value, source=str(path), lines=document.lines), path.absolute().parent)
+    places = {key: f"{path} line {line}" for key, line in document.lines.items()}
+    scene = _validated(document.value, source=str(path), places=places)
+    return scene.with_paths_from(path.absolute().parent)
 
 
 def dump_scene(scene: Scene) -> str:
     """The whole scene as YAML, with every default filled in and what each key means."""
-    return format_yaml(scene.model_dump(), comments=_comments(Scene, ()))
+    return format_yaml(scene.model_dump(), comments={path: text for path, _, text in scene_keys(Scene)})
 
 
-def _validated(tree: Any, *, source: str, lines: Mapping[Any, int]) -> Scene:
+def _validated(tree: Any, *, source: str, places: Mapping[YamlPath, str]) -> Scene:
     try:
         return Scene.model_validate(tree)
     except ValidationError as error:
-        raise SceneError(explain(error, Scene, source=source, lines=lines)) from error
+        raise SceneError(explain(error, Scene, source=source, places=places)) from error
 
 
-def _anchored(scene: Scene, folder: Path) -> Scene:
-    """The scene with its relative paths made absolute."""
-    grouping, materials = scene.grouping, scene.materials
-    if grouping.labels_file is not None:
-        grouping = grouping.model_copy(update={"labels_file": folder / grouping.labels_file})
-    if materials.file is not None:
-        materials = materials.model_copy(update={"file": folder / materials.file})
-    return scene.model_copy(update={"input": folder / scene.input, "grouping": grouping, "materials": materials})
-
-
-def _comments(section: type[BaseModel], path: tuple[str, ...]) -> dict[tuple[str, ...], str]:
-    """The docstrings of the fields, by the keys from the root."""
-    found: dict[tuple[str, ...], str] = {}
+def scene_keys(section: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, str]]:
+    """Every key below ``section``: its path from the root, its default and what it means."""
     for name, field in section.model_fields.items():
-        if field.description:
-            found[(*path, name)] = field.description
+        here = (*path, name)
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            found.update(_comments(field.annotation, (*path, name)))
-    return found
+            yield from scene_keys(field.annotation, here)
+        else:
+            default = None if field.is_required() else field.get_default(call_default_factory=True)
+            yield here, default, field.description or ""

@@ -33,23 +33,22 @@ _EXPECTED = {
 
 
 def explain(
-    error: ValidationError, model: type[BaseModel], *, source: str, lines: Mapping[tuple[Any, ...], int]
+    error: ValidationError, model: type[BaseModel], *, source: str, places: Mapping[tuple[Any, ...], str]
 ) -> str:
     """One sentence on the first problem of ``error``, and how many more there are.
 
     Args:
         error: what pydantic found.
         model: the root model that was validated.
-        source: the file or flag that the values come from.
-        lines: line of each key in the file, by the keys from the root; may be empty.
+        source: the file that the values come from.
+        places: file and line, or flag, of each value by its keys from the root; may be empty.
     """
     problems: dict[tuple[Any, ...], list[Any]] = {}
     for item in error.errors(include_url=False):
         problems.setdefault(_key_path(item["loc"], model), []).append(item)
     # A misspelt key is the cause of a missing one, so it goes first.
     path, items = min(problems.items(), key=lambda problem: problem[1][0]["type"] != "extra_forbidden")
-    line = next((lines[path[:n]] for n in range(len(path), 0, -1) if path[:n] in lines), None)
-    place = f"{source} line {line}" if line is not None else source
+    place = next((places[path[:n]] for n in range(len(path), 0, -1) if path[:n] in places), source)
     more = f" (And {len(problems) - 1} more to correct.)" if len(problems) > 1 else ""
     return f"{place}: {_sentence(path, items, model)}{more}"
 

@@ -18,7 +18,17 @@ from typing import Any
 
 from phys4dgen.errors import FormatError
 
-__all__ = ["MAX_BYTES", "MAX_DEPTH", "MAX_VALUES", "YamlDocument", "YamlPath", "format_yaml", "parse_yaml", "read_yaml"]
+__all__ = [
+    "MAX_BYTES",
+    "MAX_DEPTH",
+    "MAX_VALUES",
+    "YamlDocument",
+    "YamlPath",
+    "format_yaml",
+    "parse_yaml",
+    "plain_value",
+    "read_yaml",
+]
 
 MAX_BYTES = 1_000_000
 """Longest file that is read; a scene of a thousand parts takes a tenth of it."""
@@ -144,7 +154,7 @@ class _Reader:
         if event.ctag is not None and str(event.ctag) != "!":
             raise self._error(event, f"tags are not used here, got {event.ctag}")
         if isinstance(event, ScalarEvent):
-            value = _plain_value(event.value) if event.style is None and event.ctag is None else event.value
+            value = plain_value(event.value) if event.style is None and event.ctag is None else event.value
             node = _Node(value, {(): event.start_mark.line + 1}, 1)
         elif isinstance(event, MappingStartEvent):
             node = self._mapping(event, depth)
@@ -193,7 +203,7 @@ class _Reader:
         return FormatError(f"{self._source} line {event.start_mark.line + 1}: {problem}.")
 
 
-def _plain_value(text: str) -> Any:
+def plain_value(text: str) -> Any:
     """Meaning of an unquoted scalar: YAML 1.2.2, section 10.3.2 (core schema)."""
     if text in ("", "~", "null", "Null", "NULL"):
         return None
@@ -263,7 +273,7 @@ def _inline(value: Any) -> str:
 
 
 def _text(text: str) -> str:
-    if _PLAIN_TEXT.fullmatch(text) and isinstance(_plain_value(text), str):
+    if _PLAIN_TEXT.fullmatch(text) and isinstance(plain_value(text), str):
         return text
     quoted = json.dumps(text, ensure_ascii=False)
     return "".join(char if char.isprintable() or ord(char) < 32 else _escaped(char) for char in quoted)

@@ -1,0 +1,277 @@
+"""Flags of the commands, and how they become a scene.
+
+Everyday flags are one table; every key of scene.yaml is a flag too (``--simulation.grid 96``) and needs no entry: its
+name is its path in the scene, and the scene itself validates it and suggests the right spelling. Precedence: flag,
+then ``--preview``, then scene file, then default.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from phys4dgen.errors import SceneError, did_you_mean
+
+if TYPE_CHECKING:
+    from phys4dgen.scene import Scene
+
+__all__ = ["COMMANDS", "Arguments", "parse", "scene_from", "top_help"]
+
+COMMANDS = {
+    "generate": "a 3D Gaussian splat in, physically simulated 4D content out",
+    "demo": "the same on a bundled potted flower",
+    "inspect": "say what a splat file or a run folder holds",
+}
+
+
+@dataclass(frozen=True)
+class _Flag:
+    """An everyday flag that sets one key of the scene."""
+
+    name: str
+    key: str
+    metavar: str
+    help: str
+
+
+_FORCES_HELP = "accelerations, as in scene.yaml: '[{part: leaves, value_ms2: [3,0,0], to_s: 1}]'"
+_FLAGS = (
+    _Flag("--up", "up", "AXIS", "which way is up: auto, x, -x, y, -y, z, -z or 0,0,1"),
+    _Flag("--height-m", "height_m", "METRES", "the object's real height"),
+    _Flag("--longest-m", "longest_m", "METRES", "the real length of its longest side, instead of its height"),
+    _Flag("--parts", "grouping.parts", "N", "number of parts to find"),
+    _Flag("--motion", "motion.preset", "NAME", "what happens: auto, sway or rest"),
+    _Flag("--wind", "motion.wind", "X,Y,Z", "direction of the gust in the input's axes"),
+    _Flag("--duration-s", "simulation.duration_s", "SECONDS", "length of the film"),
+    _Flag("--fps", "simulation.fps", "N", "frames per second"),
+    _Flag("--grid", "simulation.grid", "N", "grid cells along the longest side"),
+    _Flag("--threads", "simulation.threads", "N", "threads to use; the result does not depend on it"),
+    _Flag("--seed", "seed", "N", "of everything that is drawn at random"),
+    _Flag("--forces", "forces", "LIST", _FORCES_HELP),
+    _Flag("--gravity", "gravity", "NAME", "rest: the shape given is at rest under gravity"),
+)  # fmt: skip
+
+_PREVIEW: dict[str, Any] = {
+    "simulation.grid": 32,
+    "simulation.max_substeps": 300,
+    "simulation.fps": 12.0,
+    "views.size_px": 256,
+    "output.frames": "none",
+    "output.trajectory": False,
+    "output.video.width": 400,
+}
+"""What ``--preview`` sets."""
+
+_DOTTED = re.compile(r"--(?P<key>[A-Za-z_]\w*(?:-\w+)*\.[^=]+)(?:=(?P<value>.*))?", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """A parsed command line.
+
+    Attributes:
+        command: one of COMMANDS.
+        options: the command's own options by name.
+        overrides: dotted key of the scene -> (value, the flag that gave it).
+    """
+
+    command: str
+    options: argparse.Namespace
+    overrides: dict[str, tuple[Any, str]] = field(default_factory=dict)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Raises one sentence instead of printing usage."""
+
+    def error(self, message: str) -> NoReturn:
+        raise SceneError(f"{message[0].upper()}{message[1:]}; '{self.prog} --help' lists what there is.")
+
+
+def top_help() -> str:
+    """The text of ``phys4dgen --help``; needs no heavy import."""
+    lines = ["usage: phys4dgen COMMAND [flags]", "", "3D Gaussian splats that obey physics, on a CPU.", "", "commands:"]
+    lines += [f"  {name:<10} {text}" for name, text in COMMANDS.items()]
+    lines += ["", "  phys4dgen COMMAND --help   lists the flags of a command", "  phys4dgen --version"]
+    lines += ["", "example: phys4dgen generate plant.splat -o plant_run --up -y --height-m 0.35"]
+    return "\n".join(lines)
+
+
+def parse(argv: Sequence[str]) -> Arguments:
+    """Parse a command line that starts with a command.
+
+    Raises:
+        SceneError: an unknown command or flag (with a suggestion), or a flag without its value.
+    """
+    command, *rest = argv
+    if command not in COMMANDS:
+        raise SceneError(
+            f"'{command}' is not a command; expected one of {', '.join(COMMANDS)}.{did_you_mean(command, COMMANDS)}"
+        )
+    parser = _parser(command, with_scene_keys=any(word in ("-h", "--help") for word in rest))
+    flags = [word for action in parser._actions for word in action.option_strings]
+    takes_value = {word for action in parser._actions if action.nargs != 0 for word in action.option_strings}
+    rest, overrides = _take_dotted(_joined(rest, flags, takes_value), accepted=command != "inspect")
+    options, unknown = parser.parse_known_args(rest)
+    if unknown:
+        word = unknown[0].split("=")[0]
+        kind = "a flag" if word.startswith("-") else "an argument"
+        hint = did_you_mean(word, flags) or " Its --help lists what there is."
+        raise SceneError(f"'{word}' is not {kind} of 'phys4dgen {command}'.{hint}")
+    if command != "inspect":
+        overrides = {**_everyday_overrides(options), **overrides}
+    return Arguments(command, options, overrides)
+
+
+def scene_from(arguments: Arguments, base: Scene | None = None) -> Scene:
+    """The scene that a command line asks for, with absolute paths.
+
+    Args:
+        arguments: of ``generate`` or ``demo``.
+        base: the scene to start from, instead of ``--scene`` and INPUT.
+
+    Raises:
+        SceneError: no input, an unknown key, or a value that does not fit; names the flag or the file.
+    """
+    from phys4dgen.scene import Scene, load_scene
+
+    options = arguments.options
+    scene = base
+    if options.scene is not None and base is None:
+        scene = load_scene(options.scene)
+    given = getattr(options, "input", None)
+    if scene is None:
+        if given is None:
+            raise SceneError(
+                "generate: name the splat to animate, for example 'phys4dgen generate plant.splat -o run'."
+            )
+        scene = Scene(input=Path(given))
+    elif given is not None:
+        scene = scene.with_overrides({"input": given})
+    overrides = {key: value for key, (value, _) in arguments.overrides.items()}
+    sources = {key: flag for key, (_, flag) in arguments.overrides.items()}
+    if options.preview:
+        overrides = {**_PREVIEW, **overrides}
+        sources = {**dict.fromkeys(_PREVIEW, "--preview"), **sources}
+    scene = scene.with_overrides(overrides, sources=sources)
+    return scene.with_paths_from(Path.cwd())
+
+
+def _parser(command: str, *, with_scene_keys: bool) -> _Parser:
+    parser = _Parser(
+        prog=f"phys4dgen {command}",
+        description=COMMANDS[command][0].upper() + COMMANDS[command][1:] + ".",
+        allow_abbrev=False,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("-v", "--verbose", action="count", default=0, help="say more; -vv adds tracebacks to errors")
+    parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+    if command == "inspect":
+        parser.add_argument("file", metavar="FILE", type=Path, help="a .ply or .splat file, or a run folder")
+        parser.add_argument("--json", action="store_true", help="as JSON")
+        return parser
+    if command == "generate":
+        parser.add_argument("input", metavar="INPUT", nargs="?", help="a .ply or .splat file; may stand in --scene")
+    parser.add_argument("-o", "--output", metavar="RUN", type=Path, required=True, help="the run folder to fill")
+    parser.add_argument("--scene", metavar="FILE", type=Path, help="scene.yaml with any of the settings")
+    parser.add_argument("--overwrite", action="store_true", help="replace a run with other settings in RUN")
+    parser.add_argument("--until", metavar="STAGE", help="stop after views, grouping, interior, materials or simulate")
+    parser.add_argument("--preview", action="store_true", help="coarse and quick: a small film and no frame files")
+    for flag in _FLAGS:
+        parser.add_argument(flag.name, dest=flag.key, metavar=flag.metavar, help=flag.help)
+    for name, metavar, text in (
+        ("--hold", "PART", "this part does not move"),
+        ("--material", "PART=NAME", "material of a part, from the library"),
+        ("--part-name", "NUMBER=NAME", "name of a part (they are numbered from the ground up)"),
+    ):
+        parser.add_argument(name, metavar=metavar, action="append", default=[], help=f"{text}; may be repeated")
+    if with_scene_keys:
+        parser.epilog = "every key of scene.yaml is a flag as well:\n" + "\n".join(_scene_key_lines())
+    return parser
+
+
+def _scene_key_lines() -> Iterator[str]:
+    from phys4dgen.scene import Scene, scene_keys
+
+    for path, default, text in scene_keys(Scene):
+        if len(path) > 1:
+            flag = f"--{'.'.join(path).replace('_', '-')}"
+            yield f"  {flag:<38} {text} (default: {default})"
+    yield f"  {'--parts.NAME.KEY':<38} hold, material, interior-material or thickness-m of a part"
+
+
+def _joined(words: Sequence[str], flags: Sequence[str], takes_value: set[str]) -> list[str]:
+    """Turn ``--up -y`` into ``--up=-y``: argparse would take -y for a flag."""
+    joined: list[str] = []
+    for word in words:
+        before = joined[-1] if joined else ""
+        wants_value = before in takes_value or (_DOTTED.fullmatch(before) is not None and "=" not in before)
+        is_value = word.startswith("-") and word.split("=")[0] not in flags and not word.startswith("--")
+        if wants_value and is_value:
+            joined[-1] = f"{before}={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def _take_dotted(words: Sequence[str], *, accepted: bool) -> tuple[list[str], dict[str, tuple[Any, str]]]:
+    """Split the flags that name a key of the scene (``--simulation.grid 96``) from the others."""
+    others: list[str] = []
+    overrides: dict[str, tuple[Any, str]] = {}
+    queue = list(words)
+    while queue:
+        word = queue.pop(0)
+        match = _DOTTED.fullmatch(word) if accepted else None
+        if match is None:
+            others.append(word)
+            continue
+        flag, value = f"--{match['key']}", match["value"]
+        if value is None:
+            if not queue or queue[0].startswith("--"):
+                raise SceneError(f"{flag}: expected a value after it; a switch takes true or false.")
+            value = queue.pop(0)
+        overrides[_scene_key(match["key"])] = (_value(value, flag), flag)
+    return others, overrides
+
+
+def _scene_key(dotted: str) -> str:
+    """``simulation.max-substeps`` -> ``simulation.max_substeps``; the name of a part stays as it is."""
+    path = dotted.split(".")
+    is_name = path[0] == "parts"
+    return ".".join(key if is_name and place == 1 else key.replace("-", "_") for place, key in enumerate(path))
+
+
+def _value(text: str, flag: str) -> Any:
+    """The value of a flag, read as YAML would."""
+    from phys4dgen.yaml12 import parse_yaml, plain_value
+
+    return parse_yaml(text, source=flag).value if text[:1] in ("[", "{") else plain_value(text)
+
+
+def _everyday_overrides(options: argparse.Namespace) -> dict[str, tuple[Any, str]]:
+    overrides: dict[str, tuple[Any, str]] = {}
+    for flag in _FLAGS:
+        text = getattr(options, flag.key)
+        if text is not None:
+            overrides[flag.key] = (_value(text, flag.name), flag.name)
+    for part in options.hold:
+        overrides[f"parts.{part}.hold"] = ("fixed", "--hold")
+    for text in options.material:
+        part, name = _pair(text, "--material", "pot=ceramic")
+        overrides[f"parts.{part}.material"] = (name, "--material")
+    for text in options.part_name:
+        number, name = _pair(text, "--part-name", "0=pot")
+        if not number.isdecimal():
+            raise SceneError(f"--part-name: expected the number of a part before '=', as in 0=pot, got '{text}'.")
+        overrides[f"grouping.names.{number}"] = (name, "--part-name")
+    return overrides
+
+
+def _pair(text: str, flag: str, example: str) -> tuple[str, str]:
+    left, equals, right = (word.strip() for word in text.partition("="))
+    if not (left and equals and right):
+        raise SceneError(f"{flag}: expected two words joined by '=', as in {example}, got '{text}'.")
+    return left, right
