@@ -1,0 +1,73 @@
+"""Rotation and limited stretch of the deformation gradient F = R S.
+
+A torn or inverted neighbourhood would draw needles across the picture, so the singular values of F are limited for
+rendering and for files. Good motion stays well inside the limits (MOTION.md, Technique 9): the kernel only tests for
+them, and the few Gaussians beyond are decomposed exactly here, in float64.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.animate.kernels import polar_slice
+from phys4dgen.animate.slices import run_slices
+from phys4dgen.errors import StageError
+
+__all__ = ["STRETCH_LIMITS", "checked_limits", "polar_and_limited"]
+
+STRETCH_LIMITS = (0.5, 2.0)
+"""Least and greatest singular value of F that is shown."""
+
+_EXTREME_LIMITS = (0.1, 10.0)  # to which the polar iteration converges
+
+
+def checked_limits(stretch_limits: tuple[float, float]) -> tuple[np.float32, np.float32]:
+    """The limits as float32.
+
+    Raises:
+        StageError: not 0.1 <= least <= 1 <= greatest <= 10.
+    """
+    lower, upper = stretch_limits
+    if not _EXTREME_LIMITS[0] <= lower <= 1 <= upper <= _EXTREME_LIMITS[1]:
+        raise StageError(f"stretch_limits: expected 0.1 <= least <= 1 <= greatest <= 10, got {lower} and {upper}.")
+    return np.float32(lower), np.float32(upper)
+
+
+def polar_and_limited(
+    deformation: NDArray[Any], count: int, *, limits: tuple[np.float32, np.float32], threads: int | None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Proper rotations nearest to F, and F with singular values within the limits.
+
+    Where det F < 0 the least singular value counts as negative, so the limited F is never turned inside out.
+
+    Args:
+        deformation: F, shape [count, 3, 3].
+        count: number of Gaussians.
+        limits: see ``checked_limits``.
+        threads: of the kernel.
+
+    Returns:
+        R and limited F, both [count, 9], float32; F itself where it lies inside the limits.
+
+    Raises:
+        StageError: ``deformation`` has another shape.
+    """
+    if np.shape(deformation) != (count, 3, 3):
+        raise StageError(f"deformation: expected shape ({count}, 3, 3), got {np.shape(deformation)}.")
+    matrices = np.ascontiguousarray(deformation, np.float32).reshape(count, 9)
+    rotations = np.zeros((count, 9), np.float32)
+    overstretched = np.zeros(count, np.bool_)
+    run_slices(polar_slice, matrices, *limits, rotations, overstretched, threads=threads)
+    rows = np.flatnonzero(overstretched)
+    if len(rows):
+        left, values, right = np.linalg.svd(matrices[rows].reshape(-1, 3, 3).astype(np.float64))
+        orientation = np.where(np.linalg.det(left) * np.linalg.det(right) < 0, -1.0, 1.0)
+        left[:, :, 2] *= orientation[:, None]
+        values[:, 2] *= orientation
+        matrices = matrices.copy()
+        matrices[rows] = ((left * np.clip(values, *limits)[:, None, :]) @ right).reshape(-1, 9)
+        rotations[rows] = (left @ right).reshape(-1, 9)
+    return rotations, matrices
