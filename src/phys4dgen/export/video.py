@@ -6,6 +6,7 @@ import itertools
 import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -94,19 +95,18 @@ def run_ffmpeg(command: list[str], pictures: Iterable[NDArray[np.uint8]], path: 
     """Feed the pictures to ffmpeg and wait for it; its complaints become the error."""
     with tempfile.TemporaryFile() as complaints:
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=complaints)
+        assert process.stdin is not None
         try:
-            assert process.stdin is not None
-            try:
+            with suppress(BrokenPipeError):  # ffmpeg gave up; its exit code and text say why
                 for picture in pictures:
                     process.stdin.write(picture.data)
-                process.stdin.close()
-            except BrokenPipeError:  # ffmpeg gave up; its exit code and text say why
-                pass
-            code = process.wait()
+        except BaseException:
+            process.kill()
+            raise
         finally:
-            if process.poll() is None:
-                process.kill()
-                process.wait()
+            with suppress(BrokenPipeError):
+                process.stdin.close()
+            code = process.wait()
         if code:
             complaints.seek(0)
             text = complaints.read(2000).decode("utf-8", "replace").strip().replace("\n", "; ")

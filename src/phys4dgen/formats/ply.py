@@ -98,7 +98,7 @@ def read_ply(path: Path | str) -> SplatFile:
             (QUATS, quats, np.isfinite(quats)),
         ],
     )
-    scales, scale_notes = raise_scales(np.exp(np.maximum(log_scales, -80)))
+    scales, scale_notes = raise_scales(np.exp(log_scales))
     unit, quat_notes = unit_quaternions(quats)
     return SplatFile(
         gaussians=Gaussians(means=means, quats_wxyz=unit, scales=scales, opacities=sigmoid(logits[:, 0]), sh=sh),
@@ -310,7 +310,7 @@ def sh_names(coefficients: int) -> tuple[str, ...]:
 
 def sigmoid(logits: NDArray[np.float32]) -> NDArray[np.float32]:
     """Opacity of a logit, exact in both tails."""
-    decay = np.exp(-np.minimum(np.abs(logits.astype(np.float64)), 80))
+    decay = np.exp(-np.abs(logits.astype(np.float64)))
     return (np.where(logits >= 0, 1.0, decay) / (1.0 + decay)).astype(np.float32)
 
 
