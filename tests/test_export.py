@@ -191,7 +191,7 @@ def decode(ffmpeg, path):
     command = [ffmpeg, "-hide_banner", "-i", str(path), *colour, "-f", "rawvideo", "-"]
     done = subprocess.run(command, capture_output=True, check=True)
     (stream,) = re.findall(r"Video: .*", done.stderr.decode().split("Output #0")[0])
-    width, height = map(int, re.search(r" (\d+)x(\d+)", stream).groups())
+    width, height = map(int, re.search(r", (\d+)x(\d+)", stream).groups())
     return np.frombuffer(done.stdout, np.uint8).reshape(-1, height, width, 3), stream
 
 
