@@ -15,10 +15,8 @@ from phys4dgen.render.rasterise import (
     default_near,
     packed_covariances,
     rasterise,
-    render_gaussians,
-    render_labels,
-    render_views,
 )
+from phys4dgen.render.views import render_gaussians, render_labels, render_views
 from phys4dgen.types import SH_C0, Camera, Gaussians, covariance_from_quats_scales
 from reference.render_reference import psnr_db, real_spherical_harmonics, render
 
@@ -312,9 +310,9 @@ def test_no_input_makes_a_picture_with_nan(seed, width, height, magnitude):
             look_at(rng.normal(size=3), rng.normal(size=3), [0, 0, 1]), intrinsics(70, width, height), width, height
         )
         for options in ({"colors": colors}, {"sh": rng.normal(size=(n, 4, 3)), "sh_rotations": turns}):
-            for antialiased in (False, True):
+            for antialiased, near in ((False, 0.0), (True, None)):
                 picture = rasterise(
-                    means, covariances, opacities, camera=camera, antialiased=antialiased, near=0.0, **options
+                    means, covariances, opacities, camera=camera, antialiased=antialiased, near=near, **options
                 )
                 assert np.isfinite(picture.rgb).all()
                 assert np.isfinite(picture.depth).all()

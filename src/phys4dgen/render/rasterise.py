@@ -1,4 +1,4 @@
-"""Gaussians + camera -> picture: the public functions of the CPU renderer.
+"""Arrays of Gaussians + camera -> picture: the stages of the CPU renderer put together.
 
 Paper: Sec. C.1. The names and rules are gsplat's (viewmat, K, pixel centres at +0.5, 0.3 px^2 blur, alpha >= 1/255);
 the stages are ``projection``, ``tiles`` and ``compositing``. All kernels release the GIL and work on slices, so that
@@ -7,10 +7,9 @@ threads are plain Python threads and the picture is bitwise the same for any num
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from queue import SimpleQueue
 from typing import Any, Literal
 
 import numba
@@ -20,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from phys4dgen.render.compositing import composite_expected, composite_median
 from phys4dgen.render.projection import RECORD_SIZE, TILE_PX, project_gaussians
 from phys4dgen.render.tiles import count_tile_pairs, fill_tile_lists, prefix_tile_counts, sort_by_depth
-from phys4dgen.types import Camera, Gaussians, Views
+from phys4dgen.types import Camera
 from phys4dgen.types.checks import checked_array
 
 __all__ = [
@@ -31,9 +30,6 @@ __all__ = [
     "default_near",
     "packed_covariances",
     "rasterise",
-    "render_gaussians",
-    "render_labels",
-    "render_views",
 ]
 
 DepthMode = Literal["median", "expected"]
@@ -80,8 +76,9 @@ def default_near(means: NDArray[Any], camera: Camera) -> float:
     It follows the scale of the input, which may be in any unit; at LGM's unit scale it is gsplat's 0.01.
     """
     sample = means[:: max(1, len(means) // _NEAR_SAMPLES)]
-    depth = sample @ camera.viewmat[2, :3] + camera.viewmat[2, 3]
-    depth = depth[depth > 0]  # also drops NaN
+    with np.errstate(invalid="ignore", over="ignore"):  # NaN and infinity are dropped in the next line
+        depth = sample @ camera.viewmat[2, :3] + camera.viewmat[2, 3]
+    depth = depth[(depth > 0) & (depth < np.inf)]
     return 0.01 * float(np.median(depth)) if len(depth) else 0.0
 
 
@@ -291,103 +288,6 @@ def rasterise(
         camera=camera, sh=sh, colors=colors, background=background, depth=depth, antialiased=antialiased,
         sh_rotations=sh_rotations, near=near,
     )  # fmt: skip
-
-
-def render_gaussians(
-    gaussians: Gaussians,
-    camera: Camera,
-    *,
-    background: ArrayLike = WHITE,
-    depth: DepthMode = "median",
-    antialiased: bool = False,
-    near: float | None = None,
-    rasteriser: Rasteriser | None = None,
-) -> RenderResult:
-    """Render static Gaussians; the options are those of ``rasterise``."""
-    return (rasteriser or Rasteriser()).render(
-        gaussians.means, gaussians.covariances(), gaussians.opacities,
-        camera=camera, sh=gaussians.sh, background=background, depth=depth, antialiased=antialiased, near=near,
-    )  # fmt: skip
-
-
-def render_labels(
-    gaussians: Gaussians, labels: ArrayLike, camera: Camera, *, antialiased: bool = False, near: float | None = None
-) -> NDArray[np.int32]:
-    """Which label each pixel shows: that of the Gaussian at the median depth, -1 where alpha < 0.5.
-
-    The median picks one Gaussian per pixel, the one that the median depth map shows, so that label and depth always
-    speak of the same surface.
-
-    Args:
-        gaussians: N Gaussians.
-        labels: integers from 0, shape [N].
-        camera: the view.
-        antialiased: as in ``rasterise``.
-        near: as in ``rasterise``.
-
-    Returns:
-        Label map, shape [H, W], int32.
-    """
-    return Rasteriser().render_labels(
-        gaussians.means, gaussians.covariances(), gaussians.opacities,
-        labels=labels, camera=camera, antialiased=antialiased, near=near,
-    )  # fmt: skip
-
-
-def render_views(
-    gaussians: Gaussians,
-    cameras: Sequence[Camera],
-    *,
-    background: ArrayLike = WHITE,
-    antialiased: bool = False,
-    near: float | None = None,
-    threads: int | None = None,
-    on_view: Callable[[int], None] | None = None,
-) -> Views:
-    """Render the same Gaussians from many cameras of one picture size, with median depth.
-
-    Threads take whole pictures, which keeps all cores busy through every stage of the renderer.
-
-    Args:
-        gaussians: N Gaussians.
-        cameras: V cameras.
-        background: RGB behind the Gaussians.
-        antialiased: as in ``rasterise``.
-        near: as in ``rasterise``.
-        threads: pictures rendered at the same time; by default Numba's number of threads.
-        on_view: called in the calling thread with the number of pictures done (for a progress bar).
-    """
-    if not cameras:
-        raise ValueError("cameras: expected at least one camera, got none.")
-    height, width = cameras[0].height, cameras[0].width
-    if any((camera.height, camera.width) != (height, width) for camera in cameras):
-        raise ValueError(f"cameras: expected one picture size, got {width} x {height} px and others.")
-    v = len(cameras)
-    rgb = np.zeros((v, height, width, 3), np.float32)
-    alpha = np.zeros((v, height, width), np.float32)
-    depth = np.zeros((v, height, width), np.float32)
-    covariances = packed_covariances(gaussians.covariances())
-    workers = min(v, numba.get_num_threads() if threads is None else threads)
-    idle: SimpleQueue[Rasteriser] = SimpleQueue()
-    for _ in range(workers):
-        idle.put(Rasteriser(threads=1))
-
-    def render_view(i: int) -> None:
-        rasteriser = idle.get()
-        try:
-            picture = rasteriser.render(
-                gaussians.means, covariances, gaussians.opacities,
-                camera=cameras[i], sh=gaussians.sh, background=background, antialiased=antialiased, near=near,
-            )  # fmt: skip
-        finally:
-            idle.put(rasteriser)
-        rgb[i], alpha[i], depth[i] = picture.rgb, picture.alpha, picture.depth
-
-    with ThreadPoolExecutor(workers, "views") as pool:
-        for done, _ in enumerate(pool.map(render_view, range(v)), start=1):
-            if on_view is not None:
-                on_view(done)
-    return Views(cameras=tuple(cameras), rgb=rgb, alpha=alpha, depth=depth)
 
 
 def _kernel_array(value: ArrayLike, name: str, shape: tuple[int | None, ...]) -> NDArray[Any]:
