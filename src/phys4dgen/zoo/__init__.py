@@ -1,0 +1,6 @@
+"""Bundled objects of our own making, whose parts, areas, thicknesses and inside are known exactly."""
+
+from phys4dgen.zoo.potted_flower import potted_flower
+from phys4dgen.zoo.zoo_object import PartTruth, ZooObject
+
+__all__ = ["PartTruth", "ZooObject", "potted_flower"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from phys4dgen.zoo.patch import Array, Patch, joined, ragged_rows, staggered
 
@@ -72,26 +72,25 @@ class Blade:
         shape = u**a * (1 - u) ** b / (peak**a * (1 - peak) ** b)
         return self.half_width_m * shape + self.base_half_width_m * (1 - u) ** 4
 
+    @cached_property
+    def _legs(self) -> Array:
+        """The three sides of the midrib's control polygon, shape [3, 3]."""
+        start, end = self.elevation_start_deg, self.elevation_end_deg
+        angles = np.deg2rad([start, 0.5 * (start + end), end])[:, None]
+        return self.length_m / 3 * (np.cos(angles) * self.outward + np.sin(angles) * self.up)
+
     def midrib(self, u: Array) -> tuple[Array, Array, Array, Array]:
         """Centre, unit tangent, side and upper normal of the midrib at ``u`` [N]; four arrays [N, 3]."""
-        angles = np.deg2rad(
-            [
-                self.elevation_start_deg,
-                0.5 * (self.elevation_start_deg + self.elevation_end_deg),
-                self.elevation_end_deg,
-            ]
-        )
-        legs = self.length_m / 3 * (np.cos(angles)[:, None] * self.outward + np.sin(angles)[:, None] * self.up)
-        controls = np.vstack([np.zeros(3), np.cumsum(legs, 0)])
-        t = np.asarray(u, np.float64)[:, None]
-        centre = self.origin + (
-            3 * (1 - t) ** 2 * t * controls[1] + 3 * (1 - t) * t**2 * controls[2] + t**3 * controls[3]
-        )
-        tangent = (1 - t) ** 2 * legs[0] + 2 * (1 - t) * t * legs[1] + t**2 * legs[2]
-        tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-        side = np.broadcast_to(np.cross(self.up, self.outward), tangent.shape)
-        normal = np.cross(tangent, side)
-        roll = np.deg2rad(self.roll_start_deg + (self.roll_end_deg - self.roll_start_deg) * t)
+        controls = np.cumsum(self._legs, 0)
+        t = np.asarray(u, np.float64)
+        s = 1 - t
+        centre = self.origin + np.stack([3 * s * s * t, 3 * s * t * t, t * t * t], 1) @ controls
+        tangent = np.stack([s * s, 2 * s * t, t * t], 1) @ self._legs
+        tangent /= np.sqrt((tangent * tangent).sum(1, keepdims=True))
+        side = np.cross(self.up, self.outward)
+        rise, run = tangent @ self.up, tangent @ self.outward  # the midrib lies in one plane
+        normal = run[:, None] * self.up - rise[:, None] * self.outward
+        roll = np.deg2rad(self.roll_start_deg + (self.roll_end_deg - self.roll_start_deg) * t[:, None])
         return (
             centre,
             tangent,
@@ -102,21 +101,27 @@ class Blade:
     def mid_surface(self, u: Array, x: Array) -> Array:
         """Points Q(u, x) of the mid-surface, also beyond the outline; shape [N, 3]."""
         centre, _, side, normal = self.midrib(u)
-        keel = 0.12 * self.half_width_m
-        wave = np.sin(2 * np.pi * self.ripple_waves * u + self.ripple_phase + 40 * x) * (x / self.half_width_m) ** 2
-        lift = (
-            self.fold * (np.sqrt(x * x + keel * keel) - keel)
-            + 0.5 * self.cup_per_m * x * x
-            + self.ripple * self.half_width_m * wave
-        )
-        return centre + x[:, None] * side + lift[:, None] * normal
+        return centre + x[:, None] * side + self._lift(u, x)[0][:, None] * normal
 
     def derivatives(self, u: Array, x: Array) -> tuple[Array, Array]:
-        """dQ/du and dQ/dx by central differences; two arrays [N, 3], metres and dimensionless."""
-        du, dx = 1e-4, 1e-5 * self.half_width_m / 0.01
+        """dQ/du (central difference, metres) and dQ/dx (exact, dimensionless); two arrays [N, 3]."""
+        du = 1e-4
         along = (self.mid_surface(u + du, x) - self.mid_surface(u - du, x)) / (2 * du)
-        across = (self.mid_surface(u, x + dx) - self.mid_surface(u, x - dx)) / (2 * dx)
-        return along, across
+        _, _, side, normal = self.midrib(u)
+        return along, side + self._lift(u, x)[1][:, None] * normal
+
+    def _lift(self, u: Array, x: Array) -> tuple[Array, Array]:
+        """Height Z(u, x) above the midrib's tangent plane in metres, and dZ/dx; two arrays [N]."""
+        keel = 0.3 * self.half_width_m
+        root = np.sqrt(x * x + keel * keel)
+        lean = 0.35 / self.half_width_m  # the waves of the two margins are out of step
+        phase = 2 * np.pi * self.ripple_waves * u + self.ripple_phase + lean * x
+        height = self.ripple / self.half_width_m
+        lift = self.fold * (root - keel) + 0.5 * self.cup_per_m * x * x + height * np.sin(phase) * x * x
+        slope = (
+            self.fold * x / root + self.cup_per_m * x + height * (2 * x * np.sin(phase) + lean * x * x * np.cos(phase))
+        )
+        return lift, slope
 
     def frame(self, u: Array, x: Array) -> tuple[Array, Array]:
         """Unit tangent along the blade and unit normal of the upper face; two arrays [N, 3]."""
@@ -130,10 +135,11 @@ class Blade:
     @cached_property
     def area_m2(self) -> float:
         """Area of the mid-surface inside the outline, by the midpoint rule."""
-        u, v = (g.ravel() for g in np.meshgrid((np.arange(400) + 0.5) / 400, (np.arange(60) + 0.5) / 30 - 1))
+        n_u, n_v = 200, 12
+        u, v = (g.ravel() for g in np.meshgrid((np.arange(n_u) + 0.5) / n_u, (2 * np.arange(n_v) + 1) / n_v - 1))
         w = self.half_width(u)
         along, across = self.derivatives(u, v * w)
-        return float((np.linalg.norm(np.cross(along, across), axis=1) * w).sum() * 2 / (400 * 60))
+        return float((np.linalg.norm(np.cross(along, across), axis=1) * w).sum() * 2 / (n_u * n_v))
 
     @property
     def volume_m3(self) -> float:
@@ -141,7 +147,7 @@ class Blade:
         return self.area_m2 * self.thickness_m
 
     def sample(self, spacing_m: float, rng: np.random.Generator) -> Patch:
-        """Both faces, the margin and a sparse filling between; ``coords`` = (u, x / w(u)).
+        """Both faces, the margin and a sparse filling between; ``coords`` = (u, x / w(u), face).
 
         Args:
             spacing_m: distance between neighbours on a face.
@@ -157,7 +163,7 @@ class Blade:
                 normals=filling.normals * np.where(depth >= 0, 1.0, -1.0)[:, None],
                 tangents=filling.tangents,
                 sigmas=np.minimum(filling.sigmas, OVERLAP * spacing_m),  # as small as on the faces: stays inside
-                coords=filling.coords,
+                coords=filling.coords * np.array([1, 1, 0]) + np.where(depth >= 0, 1.0, -1.0)[:, None] * [0, 0, 1],
             )
         )
         layers += [self._margin(side, offset * t, spacing_m) for side in (1.0, -1.0) for offset in (-0.25, 0.25)]
@@ -171,7 +177,9 @@ class Blade:
         v = 2 * staggered(row, place, counts) - 1
         v += rng.uniform(-0.12, 0.12, len(v)) / counts[row]
         u = np.clip(u_row[row] + rng.uniform(-0.06, 0.06, len(v)) / len(u_row), 0, 1)
-        x = v * self.half_width(u)
+        width_u = self.half_width(u)
+        # The outermost Gaussians stay clear of the margin, which has its own: a smooth outline, no teeth.
+        x = v * np.maximum(width_u - 0.45 * spacing_m, 0.5 * width_u)
         tangent, normal = self.frame(u, x)
         sigmas = np.stack(
             [
@@ -182,15 +190,15 @@ class Blade:
             1,
         )
         points = self.mid_surface(u, x) + offset_m * normal
-        return Patch(points, side * normal, tangent, sigmas, np.stack([u, v], 1))
+        return Patch(points, side * normal, tangent, sigmas, np.stack([u, v, np.full(len(u), side)], 1))
 
     def _margin(self, side: float, offset_m: float, spacing_m: float) -> Patch:
         fine = np.linspace(0, 1, 600)
         edge = self.mid_surface(fine, side * self.half_width(fine))
         arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(edge, axis=0), axis=1))])
-        count = max(2, round(arc[-1] / (0.8 * spacing_m)))
+        count = max(2, round(arc[-1] / (0.6 * spacing_m)))
         u = np.interp((np.arange(count) + 0.5) / count * arc[-1], arc, fine)
-        inset = 0.25 * spacing_m
+        inset = 0.3 * spacing_m
         x = side * np.maximum(self.half_width(u) - inset, 0.1 * inset)
         _, normal = self.frame(u, x)
         ahead = np.minimum(u + 1e-3, 1.0)
@@ -200,11 +208,10 @@ class Blade:
         )
         run -= (run * normal).sum(1, keepdims=True) * normal
         run /= np.linalg.norm(run, axis=1, keepdims=True)
-        sigmas = np.tile([0.8 * OVERLAP * spacing_m, 0.3 * spacing_m, self.thickness_m / 8], (count, 1))
-        facing = normal * np.sign(offset_m)
-        return Patch(
-            self.mid_surface(u, x) + offset_m * normal, facing, run, sigmas, np.stack([u, np.full(count, side)], 1)
-        )
+        sigmas = np.tile([OVERLAP * spacing_m, 0.28 * spacing_m, self.thickness_m / 8], (count, 1))
+        face = np.full(count, np.sign(offset_m))
+        coords = np.stack([u, np.full(count, side), face], 1)
+        return Patch(self.mid_surface(u, x) + offset_m * normal, face[:, None] * normal, run, sigmas, coords)
 
     def _rows(self, spacing_m: float) -> tuple[Array, float]:
         """Values of u at the middle of rows of equal length along the midrib, and that length."""
@@ -214,11 +221,11 @@ class Blade:
         return np.interp((np.arange(count) + 0.5) / count * arc[-1], arc, fine), arc[-1] / count
 
     @cached_property
-    def _start(self) -> tuple[cKDTree, Array, Array]:
+    def _start(self) -> tuple[KDTree, Array, Array]:
         """Nodes of the mid-surface from which the projection of a point starts."""
         u, v = (g.ravel() for g in np.meshgrid(np.linspace(0.01, 0.99, 60), np.linspace(-1, 1, 11)))
         x = v * self.half_width(u)
-        return cKDTree(self.mid_surface(u, x)), u, x
+        return KDTree(self.mid_surface(u, x)), u, x
 
     def contains(self, points: Array) -> np.ndarray:
         """Whether each point [N, 3] lies inside the sheet: projected onto the mid-surface by Gauss-Newton steps."""

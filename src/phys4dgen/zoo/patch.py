@@ -21,7 +21,8 @@ class Patch:
         normals: unit, pointing out of the material, shape [N, 3].
         tangents: unit, perpendicular to the normals, shape [N, 3].
         sigmas: standard deviations along tangent, normal x tangent and normal, shape [N, 3].
-        coords: coordinates on the surface for the texture (their meaning is the surface's), shape [N, 2].
+        coords: two coordinates on the surface for the texture (their meaning is the surface's) and the face: 1 upper
+            or outer, -1 lower; shape [N, 3].
     """
 
     points: Array
@@ -33,11 +34,17 @@ class Patch:
     def __len__(self) -> int:
         return len(self.points)
 
+    def subset(self, keep: NDArray[np.bool_]) -> Patch:
+        """The samples that a mask [N] selects."""
+        return Patch(*(getattr(self, name)[keep] for name in FIELDS))
+
+
+FIELDS = ("points", "normals", "tangents", "sigmas", "coords")
+
 
 def joined(patches: list[Patch]) -> Patch:
     """All samples of ``patches`` in their order."""
-    names = ("points", "normals", "tangents", "sigmas", "coords")
-    return Patch(**{name: np.concatenate([getattr(patch, name) for patch in patches]) for name in names})
+    return Patch(*(np.concatenate([getattr(patch, name) for patch in patches]) for name in FIELDS))
 
 
 def ragged_rows(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -9,31 +9,33 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from phys4dgen.zoo.patch import Array
+
+Array32 = NDArray[np.float32]
 
 __all__ = ["bake_irradiance", "gloss_sh1", "linear_to_srgb", "srgb_to_linear"]
 
 KEY_DIRECTION = np.array([-0.55, 0.75, 0.62]) / np.linalg.norm([-0.55, 0.75, 0.62])
 KEY_COLOR = np.array([1.0, 0.95, 0.86])
-KEY_STRENGTH = 1.55
+KEY_STRENGTH = 1.25
 ZENITH_COLOR = np.array([0.90, 0.96, 1.06])
 HORIZON_COLOR = np.array([1.00, 0.98, 0.95])
-SKY_STRENGTH = 0.78
+SKY_STRENGTH = 0.68
 BOUNCE_COLOR = np.array([0.40, 0.37, 0.34])
 MAP_PIXEL_M = 0.0024
 """Pixel of the depth maps: wider than the widest spacing of the Gaussians, so that surfaces are closed in them."""
 
 
 def srgb_to_linear(color: NDArray[np.floating]) -> Array:
-    """sRGB in [0, 1] -> linear light (IEC 61966-2-1)."""
+    """Decode sRGB in [0, 1] to linear light (IEC 61966-2-1)."""
     c = np.asarray(color, np.float64)
     return np.where(c <= 0.04045, c / 12.92, ((np.maximum(c, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
 def linear_to_srgb(light: NDArray[np.floating]) -> Array:
-    """Linear light -> sRGB; values above 1 are rolled off smoothly from 0.8 so that highlights keep their hue."""
+    """Encode linear light as sRGB; values above 0.8 roll off smoothly, so that highlights keep their hue."""
     x = np.maximum(np.asarray(light, np.float64), 0)
     knee = 0.8
     x = np.where(x > knee, knee + (1 - knee) * (1 - np.exp(-(x - knee) / (1 - knee))), x)
@@ -48,32 +50,35 @@ def bake_irradiance(points: Array, normals: Array, *, transmission: Array) -> Ar
         normals: unit, shape [N, 3].
         transmission: share of the light on the far side that shines through (leaves, petals), shape [N].
     """
-    sky = _fibonacci_sphere(96)
+    place, facing = points.astype(np.float32), normals.astype(np.float32)
+    through = transmission.astype(np.float32)
+    sky = _fibonacci_sphere(64)
     rise = sky[:, 1:2]
     radiance = SKY_STRENGTH * (HORIZON_COLOR + (ZENITH_COLOR - HORIZON_COLOR) * np.clip(rise, 0, 1))
     radiance = radiance * (0.75 + 0.45 * np.clip(rise, 0, 1)) * 4 / len(sky)
     ground = rise[:, 0] < 0
     radiance[ground] = BOUNCE_COLOR * 4 / len(sky)
-    key = _cone(KEY_DIRECTION, half_angle_deg=9.0, count=14)
+    key = _cone(KEY_DIRECTION, half_angle_deg=9.0, count=10)
     key_radiance = np.tile(KEY_STRENGTH * KEY_COLOR / len(key), (len(key), 1))
 
-    open_ground = 1 - 0.85 * np.exp(-np.maximum(points[:, 1], 0) / 0.03)  # the object shades the ground beside it
-    result = np.zeros((len(points), 3))
+    open_ground = 1 - 0.85 * np.exp(-np.maximum(place[:, 1], 0) / 0.03)  # the object shades the ground beside it
+    result = np.zeros((len(points), 3), np.float32)
     for direction, light, from_ground in zip(
-        np.vstack([sky, key]),
-        np.vstack([radiance, key_radiance]),
+        np.vstack([sky, key]).astype(np.float32),
+        np.vstack([radiance, key_radiance]).astype(np.float32),
         np.concatenate([ground, np.zeros(len(key), bool)]),
         strict=True,
     ):
-        cosine = normals @ direction
-        received = np.maximum(cosine, 0) + transmission * np.maximum(-cosine, 0)
-        received *= _lit(points, direction, cosine)
+        cosine = facing @ direction
+        received = np.maximum(cosine, 0) + through * np.maximum(-cosine, 0)
+        received *= _lit(place, direction, cosine)
         if from_ground:
             received *= open_ground
         result += received[:, None] * light
     # Neighbours that face the same way share their light: removes the grain of the depth maps.
-    _, neighbours = cKDTree(points + 0.006 * normals).query(points + 0.006 * normals, k=14)
-    return result[neighbours].mean(1)
+    outside = points + 0.006 * normals
+    _, neighbours = KDTree(outside, balanced_tree=False, compact_nodes=False).query(outside, k=12)
+    return result[neighbours].mean(1, dtype=np.float64)
 
 
 def gloss_sh1(normals: Array, strength: Array) -> Array:
@@ -93,18 +98,18 @@ def gloss_sh1(normals: Array, strength: Array) -> Array:
     return gradient[:, [1, 2, 0]] * np.array([-1.0, 1.0, -1.0]) / 0.4886025119029199
 
 
-def _lit(points: Array, direction: Array, cosine: Array) -> Array:
+def _lit(points: Array32, direction: Array32, cosine: Array32) -> Array32:
     """1 where nothing lies between the sample and the light, 0 in shadow; shape [N]."""
     side = np.cross(direction, [0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
-    plane = np.stack([points @ side, points @ np.cross(direction, side)], 1)
-    cell = np.floor((plane - plane.min(0)) / MAP_PIXEL_M).astype(np.int64)
-    index = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
-    depth = -(points @ direction)
-    nearest = np.full(int(index.max()) + 1, np.inf)
+    axes = np.stack([side / MAP_PIXEL_M, np.cross(direction, side) / MAP_PIXEL_M, -direction], 1)
+    column, row, depth = (points @ axes.astype(np.float32)).T
+    column, row = (column - column.min()).astype(np.int32), (row - row.min()).astype(np.int32)
+    index = column * (row.max() + 1) + row
+    nearest = np.full(int(index.max()) + 1, np.inf, np.float32)
     np.minimum.at(nearest, index, depth)
     slope = np.sqrt(np.maximum(1 - cosine * cosine, 0)) / np.maximum(np.abs(cosine), 0.25)
-    return (depth < nearest[index] + 0.003 + MAP_PIXEL_M * slope).astype(np.float64)
+    return (depth < nearest[index] + 0.003 + MAP_PIXEL_M * slope).astype(np.float32)
 
 
 def _fibonacci_sphere(count: int) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from phys4dgen.zoo.patch import Array, Patch, ragged_rows, staggered
 
@@ -87,11 +87,17 @@ class Tube:
             ],
             1,
         )
-        return Patch(at_arc(self.centre) + radius[:, None] * radial, normal, along, sigmas, np.stack([arc, angle], 1))
+        return Patch(
+            at_arc(self.centre) + radius[:, None] * radial,
+            normal,
+            along,
+            sigmas,
+            np.stack([arc, angle, np.ones_like(arc)], 1),
+        )
 
     @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self.centre)
+    def _tree(self) -> KDTree:
+        return KDTree(self.centre)
 
     def contains(self, points: Array) -> np.ndarray:
         """Whether each point [N, 3] lies inside the rod."""
@@ -175,7 +181,13 @@ class Revolved:
             1,
         )
         turn = self.rotation.T
-        return Patch(points @ turn + self.origin, normal @ turn, along @ turn, sigmas, np.stack([arc, angle], 1))
+        return Patch(
+            points @ turn + self.origin,
+            normal @ turn,
+            along @ turn,
+            sigmas,
+            np.stack([arc, angle, np.ones_like(arc)], 1),
+        )
 
     def contains(self, points: Array) -> np.ndarray:
         """Whether each point [N, 3] lies inside the solid (even-odd rule on the outline)."""
