@@ -1,0 +1,105 @@
+"""From parts of patches to one part for every Gaussian, faint, buried and stray ones included."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from phys4dgen.grouping.supervoxels import LIGHTNESS_WEIGHT
+from phys4dgen.types import Frame, Gaussians
+from phys4dgen.types.color import srgb_to_lab
+
+__all__ = ["attach", "number_from_the_ground"]
+
+_NEIGHBOURS = 12
+_SMOOTHING_ROUNDS = 2
+_OWN_VOTE = 2
+_ATTACH_NEIGHBOURS = 4
+_ATTACH_COLOR_SCALE = 24.0
+_ATTACH_DISTANCE_FLOOR = 0.003
+
+
+def attach(
+    gaussians: Gaussians, patch: NDArray[np.int32], part_of_patch: NDArray[np.int64], *, radius: float
+) -> NDArray[np.int64]:
+    """Part of every Gaussian, shape [N].
+
+    The visible surface takes its patch's part, smoothed by a majority among neighbours; all others follow the visible
+    Gaussians around them, near ones and those of like colour first.
+
+    Args:
+        gaussians: N static Gaussians.
+        patch: patch of every visible Gaussian, -1 elsewhere, shape [N].
+        part_of_patch: shape [S].
+        radius: half the object's diagonal, input units.
+    """
+    core = np.flatnonzero(patch >= 0)
+    label = part_of_patch[patch[core]]
+    part_count = int(part_of_patch.max()) + 1
+    tree = cKDTree(gaussians.means[core])
+    neighbours = tree.query(gaussians.means[core], min(_NEIGHBOURS + 1, len(core)))[1].reshape(len(core), -1)
+    # A point is its own first neighbour: one vote of its own comes from there.
+    votes = np.ones(neighbours.shape)
+    votes[:, 0] = _OWN_VOTE
+    for _ in range(_SMOOTHING_ROUNDS):
+        label = _majority(label[neighbours], votes, part_count)
+    out = np.zeros(len(gaussians), np.int64)
+    out[core] = label
+    rest = np.flatnonzero(patch < 0)
+    if len(rest):
+        out[rest] = _follow(gaussians, core, label, rest, radius)
+    return out
+
+
+def _follow(
+    gaussians: Gaussians, core: NDArray[np.intp], label: NDArray[np.int64], rest: NDArray[np.intp], radius: float
+) -> NDArray[np.int64]:
+    """Part whose nearest visible Gaussians are near and of like colour, for each Gaussian of ``rest``.
+
+    Every part is asked, not only the few nearest Gaussians: a white Gaussian buried in the pot lies closer to the soil.
+    """
+    lab = srgb_to_lab(gaussians.base_colors) * [LIGHTNESS_WEIGHT, 1, 1]
+    best = np.full(len(rest), -1.0)
+    part = np.zeros(len(rest), np.int64)
+    for candidate in np.unique(label):
+        members = core[label == candidate]
+        distance, near = cKDTree(gaussians.means[members]).query(
+            gaussians.means[rest], min(_ATTACH_NEIGHBOURS, len(members))
+        )
+        distance, near = distance.reshape(len(rest), -1), near.reshape(len(rest), -1)
+        difference = np.linalg.norm(lab[members][near] - lab[rest][:, None], axis=2)
+        score = (np.exp(-difference / _ATTACH_COLOR_SCALE) / (distance + _ATTACH_DISTANCE_FLOOR * radius)).mean(1)
+        part = np.where(score > best, candidate, part)
+        best = np.maximum(score, best)
+    return part
+
+
+def number_from_the_ground(
+    labels: NDArray[np.int64], gaussians: Gaussians, frame: Frame
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Number the parts by their opacity-weighted mean height.
+
+    Returns:
+        New labels 0 .. G-1, shape [N], and the old label of each new number, shape [G].
+    """
+    old, dense = np.unique(labels, return_inverse=True)
+    weight = gaussians.opacities.astype(np.float64) + 1e-6
+    height = gaussians.means.astype(np.float64) @ frame.up
+    mean_height = np.bincount(dense, weight * height) / np.bincount(dense, weight)
+    order = np.argsort(mean_height, kind="stable")
+    return np.argsort(order)[dense].astype(np.int32), old[order]
+
+
+@njit(cache=True)
+def _majority(labels, weights, count):  # pyright: ignore
+    """Label with the largest sum of weights in each row; the lowest wins a tie. Shape [rows]."""
+    winner = np.zeros(len(labels), np.int64)
+    votes = np.zeros(count)
+    for row in range(len(labels)):
+        votes[:] = 0.0
+        for column in range(labels.shape[1]):
+            votes[labels[row, column]] += weights[row, column]
+        winner[row] = np.argmax(votes)
+    return winner
