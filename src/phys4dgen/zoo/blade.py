@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from phys4dgen.zoo.patch import Array, Patch, joined, ragged_rows, staggered
@@ -227,14 +228,15 @@ class Blade:
         x = v * self.half_width(u)
         return KDTree(self.mid_surface(u, x)), u, x
 
-    def contains(self, points: Array) -> np.ndarray:
+    def contains(self, points: Array) -> NDArray[np.bool_]:
         """Whether each point [N, 3] lies inside the sheet: projected onto the mid-surface by Gauss-Newton steps."""
         tree, u0, x0 = self._start
         found = np.zeros(len(points), bool)
         margin = self.thickness_m + 0.002
         near = np.flatnonzero(((points > tree.mins - margin) & (points < tree.maxes + margin)).all(1))
         distance, node = tree.query(points[near], distance_upper_bound=0.006 + self.thickness_m)
-        near, node = near[np.isfinite(distance)], node[np.isfinite(distance)]
+        reached = np.isfinite(distance)
+        near, node = near[reached], np.asarray(node)[reached]
         p, u, x = points[near], u0[node], x0[node]
         for _ in range(6):
             along, across = self.derivatives(u, x)

@@ -210,24 +210,24 @@ class FlowerShapes:
 
     def _petal(self, index: int, rng: np.random.Generator) -> Blade:
         """One petal; it starts inside the rim of the heart."""
-        turn = 2 * np.pi * (index + 0.10 * rng.uniform(-1, 1)) / PETAL_COUNT + 0.2
+        turn = 2 * np.pi * (index + 0.06 * rng.uniform(-1, 1)) / PETAL_COUNT + 0.2
         x, axis, z = self.head_rotation.T
         outward = np.cos(turn) * x + np.sin(turn) * z
-        lift_deg = rng.uniform(-4, 4)
+        lift_deg = rng.uniform(-3, 3)
         return Blade(
             origin=self.stalk.centre[-1] + 0.0024 * axis + (HEART_RADIUS_M - 0.0004) * outward,
             outward=outward,
             up=axis,
             length_m=0.040 * (1 + 0.05 * rng.uniform(-1, 1)),
-            half_width_m=0.0084 * (1 + 0.05 * rng.uniform(-1, 1)),
+            half_width_m=0.0080 * (1 + 0.04 * rng.uniform(-1, 1)),
             thickness_m=PETAL_THICKNESS_M,
             base_power=0.85,
             tip_power=0.42,
-            base_half_width_m=0.0030,
+            base_half_width_m=0.0027,
             elevation_start_deg=24 + lift_deg,
             elevation_end_deg=-14 + 2 * lift_deg,
-            roll_start_deg=float(rng.uniform(-5, 5)),
-            roll_end_deg=float(rng.uniform(-9, 9)),
+            roll_start_deg=float(rng.uniform(-3, 3)),
+            roll_end_deg=float(rng.uniform(-6, 6)),
             cup_per_m=34.0,
             ripple=0.06,
             ripple_waves=1.4,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from phys4dgen.zoo.patch import Array, Patch, ragged_rows, staggered
@@ -99,21 +100,22 @@ class Tube:
     def _tree(self) -> KDTree:
         return KDTree(self.centre)
 
-    def contains(self, points: Array) -> np.ndarray:
+    def contains(self, points: Array) -> NDArray[np.bool_]:
         """Whether each point [N, 3] lies inside the rod."""
         found = np.zeros(len(points), bool)
         reach = float(self.radius_m.max() + np.diff(self.arc_m).max())
         distance, node = self._tree.query(points, distance_upper_bound=reach)
         near = np.flatnonzero(np.isfinite(distance))
+        nodes = np.asarray(node)[near]
         last = len(self.centre) - 1
         for shift in (-1, 0):  # the two segments that meet in the nearest node
-            start = node[near] + shift
+            start = nodes + shift
             valid = (start >= 0) & (start < last)
             index, start = near[valid], start[valid]
             a, edge = self.centre[start], self.centre[start + 1] - self.centre[start]
             along = ((points[index] - a) * edge).sum(1) / (edge * edge).sum(1)
             held = np.clip(along, 0, 1)
-            # Between two inner segments a wedge on the outer side of the bend belongs to neither: clamp there only.
+            # The wedge on the outer side of a bend belongs to neither segment: clamp there, but not at the two ends.
             beyond = ((along < 0) & (start == 0)) | ((along > 1) & (start == last - 1))
             gap = np.linalg.norm(points[index] - a - held[:, None] * edge, axis=1)
             radius = self.radius_m[start] + held * (self.radius_m[start + 1] - self.radius_m[start])
@@ -189,7 +191,7 @@ class Revolved:
             np.stack([arc, angle, np.ones_like(arc)], 1),
         )
 
-    def contains(self, points: Array) -> np.ndarray:
+    def contains(self, points: Array) -> NDArray[np.bool_]:
         """Whether each point [N, 3] lies inside the solid (even-odd rule on the outline)."""
         local = (points - self.origin) @ self.rotation
         radius, height = np.hypot(local[:, 0], local[:, 2]), local[:, 1]
