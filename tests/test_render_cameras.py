@@ -58,9 +58,7 @@ def test_intrinsics_map_the_field_of_view_to_the_border():
 
 
 @settings(max_examples=50)
-@given(
-    azimuth_deg=st.floats(-400, 400), elevation_deg=st.floats(-90, 90), up=st.sampled_from(UPS), point=vectors(-1, 1)
-)
+@given(azimuth_deg=st.floats(-400, 400), elevation_deg=st.floats(-90, 90), up=st.sampled_from(UPS), point=vectors(-1))
 def test_projection_and_unprojection_agree(azimuth_deg, elevation_deg, up, point):
     camera = orbit_camera(
         azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, target=[0.1, 0.2, 0.3], rotation=rotation_to_z_up(up),

@@ -16,10 +16,13 @@ from numpy.typing import ArrayLike, NDArray
 from phys4dgen.render.view_table import ViewPreset, view_directions
 from phys4dgen.types import Camera
 
-__all__ = ["DEFAULT_FOVY_DEG", "intrinsics", "look_at", "orbit_camera", "video_path", "view_cameras"]
+__all__ = ["DEFAULT_FOVY_DEG", "VIDEO_FOVY_DEG", "intrinsics", "look_at", "orbit_camera", "video_path", "view_cameras"]
 
 DEFAULT_FOVY_DEG = 49.1
 """Vertical field of view of LGM's cameras, the paper's."""
+
+VIDEO_FOVY_DEG = 30.0
+"""Vertical field of view of videos: the mild perspective of a portrait lens."""
 
 _FILL = 0.9  # of the picture by the box; the object itself, rounder than its box, then takes 70 to 90 %
 
@@ -145,7 +148,7 @@ def video_path(
     orbit_deg: float = 60.0,
     elevation_deg: float = 15.0,
     azimuth_deg: float = 0.0,
-    fovy_deg: float = DEFAULT_FOVY_DEG,
+    fovy_deg: float = VIDEO_FOVY_DEG,
     fill: float = _FILL,
 ) -> list[Camera]:
     """An orbit that starts and ends at rest, at one distance from which the box is never cut.
