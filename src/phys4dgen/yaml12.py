@@ -30,9 +30,9 @@ __all__ = [
     "read_yaml",
 ]
 
-MAX_BYTES = 1_000_000
-"""Longest file that is read; a scene of a thousand parts takes a tenth of it."""
-MAX_VALUES = 100_000
+MAX_BYTES = 200_000
+"""Longest file that is read; a scene of a thousand parts takes half of it."""
+MAX_VALUES = 10_000
 """Most values that a document may hold once its aliases are followed."""
 MAX_DEPTH = 32
 """Deepest nesting."""
@@ -230,6 +230,8 @@ def format_yaml(value: Any, *, comments: Mapping[tuple[str, ...], str] | None = 
         value: a mapping at the root; tuples are written as lists.
         comments: text for the end of the line of a key, by the keys from the root.
     """
+    if not value:
+        return "{}\n"
     lines: list[str] = []
     _write_mapping(lines, value, comments or {}, ())
     return "\n".join(lines) + "\n"

@@ -122,6 +122,8 @@ def parse(argv: Sequence[str]) -> Arguments:
         hint = did_you_mean(word, flags) or " Its --help lists what there is."
         raise SceneError(f"'{word}' is not {kind} of 'phys4dgen {command}'.{hint}")
     if command != "inspect":
+        if options.output is None:
+            raise SceneError(f"{command}: say where the result goes with -o RUN.")
         overrides = {**_everyday_overrides(options), **overrides}
     return Arguments(command, options, overrides)
 
@@ -175,10 +177,12 @@ def _parser(command: str, *, with_scene_keys: bool) -> _Parser:
         return parser
     if command == "generate":
         parser.add_argument("input", metavar="INPUT", nargs="?", help="a .ply or .splat file; may stand in --scene")
-    parser.add_argument("-o", "--output", metavar="RUN", type=Path, required=True, help="the run folder to fill")
+    parser.add_argument("-o", "--output", metavar="RUN", type=Path, help="the run folder to fill (required)")
     parser.add_argument("--scene", metavar="FILE", type=Path, help="scene.yaml with any of the settings")
     parser.add_argument("--overwrite", action="store_true", help="replace a run with other settings in RUN")
-    parser.add_argument("--until", metavar="STAGE", help="stop after views, grouping, interior, materials or simulate")
+    parser.add_argument(
+        "--until", metavar="STAGE", help="stop after views, grouping, interior, materials or simulate (default: render)"
+    )
     parser.add_argument("--preview", action="store_true", help="coarse and quick: a small film and no frame files")
     for flag in _FLAGS:
         parser.add_argument(flag.name, dest=flag.key, metavar=flag.metavar, help=flag.help)

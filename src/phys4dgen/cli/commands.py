@@ -43,11 +43,13 @@ COMMAND_FUNCTIONS: Mapping[str, Callable[[Arguments], int]] = {"generate": gener
 
 
 def _generate(arguments: Arguments, scene: Scene) -> int:
-    from phys4dgen.run.generate import generate as generate_run
     from phys4dgen.run.stages import stages_until
 
     options = arguments.options
     stages_until(options.until)  # a misspelt stage is told before anything is made
+
+    from phys4dgen.run.generate import generate as generate_run
+
     _show_log(options.verbose)
     try:
         with console_progress(quiet=options.quiet) as progress:
@@ -84,7 +86,7 @@ def _fact_lines(facts: Mapping[str, Any], indent: str = "") -> list[str]:
     lines = []
     for name, value in facts.items():
         label = f"{indent}{name.replace('_', ' ')}:"
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping) and value:
             lines += [label, *_fact_lines(value, indent + "  ")]
         elif isinstance(value, list) and value and not isinstance(value[0], float):
             lines += [label, *(f"{indent}  - {item}" for item in value)]
@@ -94,8 +96,10 @@ def _fact_lines(facts: Mapping[str, Any], indent: str = "") -> list[str]:
 
 
 def _fact(value: Any) -> str:
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "none"}[value]
     if isinstance(value, float):
         return f"{value:.4g}"
-    if isinstance(value, list):
+    if isinstance(value, (list, Mapping)):
         return ", ".join(map(_fact, value)) or "none"
     return f"{value:,}" if isinstance(value, int) else str(value)

@@ -1,13 +1,13 @@
 """The Scene: everything that a run is told, in one frozen and validated tree (scene.yaml, Python, or flags).
 
 Lengths, times and stresses carry their unit in the key; directions are in the input's axes (docs/conventions.md).
-``load_scene`` and ``dump_scene`` are inverse: a dumped scene has every default filled in and reads back equal.
+The docstring of a key is its documentation: it stands in scene.yaml and in ``--help``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -23,9 +23,9 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from phys4dgen.errors import FormatError, SceneError
-from phys4dgen.scene_errors import explain
-from phys4dgen.yaml12 import YamlPath, format_yaml, read_yaml
+from phys4dgen.errors import SceneError
+from phys4dgen.scene.errors import explain
+from phys4dgen.yaml12 import YamlPath
 
 __all__ = [
     "ALL_PARTS",
@@ -40,9 +40,7 @@ __all__ = [
     "Simulation",
     "Video",
     "ViewSet",
-    "dump_scene",
-    "load_scene",
-    "scene_keys",
+    "validated_scene",
 ]
 
 ALL_PARTS = "all"
@@ -326,7 +324,7 @@ class Scene(_Section):
             node[last] = value
             for length in range(len(path) + 1):
                 places.setdefault((*path, last)[: length + 1], place)
-        return _validated(tree, source="scene", places=places)
+        return validated_scene(tree, source="scene", places=places)
 
     def with_paths_from(self, folder: Path) -> Scene:
         """A copy whose relative paths are taken from ``folder``; absolute ones stay."""
@@ -338,42 +336,18 @@ class Scene(_Section):
         return self.model_copy(update={"input": folder / self.input, "grouping": grouping, "materials": materials})
 
 
-def load_scene(path: Path | str) -> Scene:
-    """Read scene.yaml; relative paths in it are taken from the folder that it lies in.
+def validated_scene(tree: Any, *, source: str, places: Mapping[YamlPath, str]) -> Scene:
+    """The scene of a tree of keys and values.
+
+    Args:
+        tree: nested mappings and lists.
+        source: where the tree comes from, for errors.
+        places: where single values come from (file and line, flag), by the keys from the root.
 
     Raises:
-        SceneError: the file is not YAML, has an unknown key or a bad value; names file, line, key and the way out.
+        SceneError: the first thing that is wrong, in one sentence.
     """
-    path = Path(path)
-    try:
-        document = read_yaml(path)
-    except FormatError as error:
-        raise SceneError(str(error)) from error
-    if not isinstance(document.value, dict):
-        raise SceneError(f"{path}: expected keys such as 'input: plant.splat', got {document.value!r}.")
-    places = {key: f"{path} line {line}" for key, line in document.lines.items()}
-    scene = _validated(document.value, source=str(path), places=places)
-    return scene.with_paths_from(path.absolute().parent)
-
-
-def dump_scene(scene: Scene) -> str:
-    """The whole scene as YAML, with every default filled in and what each key means."""
-    return format_yaml(scene.model_dump(), comments={path: text for path, _, text in scene_keys(Scene)})
-
-
-def _validated(tree: Any, *, source: str, places: Mapping[YamlPath, str]) -> Scene:
     try:
         return Scene.model_validate(tree)
     except ValidationError as error:
         raise SceneError(explain(error, Scene, source=source, places=places)) from error
-
-
-def scene_keys(section: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, str]]:
-    """Every key below ``section``: its path from the root, its default and what it means."""
-    for name, field in section.model_fields.items():
-        here = (*path, name)
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            yield from scene_keys(field.annotation, here)
-        else:
-            default = None if field.is_required() else field.get_default(call_default_factory=True)
-            yield here, default, field.description or ""

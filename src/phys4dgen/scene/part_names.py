@@ -1,0 +1,62 @@
+"""Parts that a scene speaks of, checked against the parts that there are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from phys4dgen.errors import SceneError, did_you_mean
+from phys4dgen.scene.model import ALL_PARTS, Scene
+
+__all__ = ["check_part_names", "refuse_impossible_part_names"]
+
+_DEFAULT_NAME = re.compile(r"part_\d+")
+
+
+def check_part_names(scene: Scene, names: Sequence[str]) -> None:
+    """Refuse options, forces and names for parts that the object does not have.
+
+    Args:
+        scene: what was asked for.
+        names: the parts of the object, in the order of their numbers.
+
+    Raises:
+        SceneError: names the key, the part, and the parts that there are.
+    """
+    for place, name in _mentioned(scene).items():
+        if name not in names:
+            raise SceneError(
+                f"{place}: there is no part '{name}'; the parts of this object are {', '.join(names)}."
+                f"{did_you_mean(name, names)}"
+            )
+    for number in scene.grouping.names:
+        if number >= len(names):
+            raise SceneError(
+                f"grouping.names: there is no part number {number}; this object has the parts 0 to {len(names) - 1}."
+            )
+
+
+def refuse_impossible_part_names(scene: Scene) -> None:
+    """Refuse names that no part can get, before the minutes that it takes to find the parts.
+
+    Without a labels file parts are called ``part_0``, ``part_1`` ... or as ``grouping.names`` says.
+
+    Raises:
+        SceneError: names the key and the part, and how to name parts.
+    """
+    if scene.grouping.labels_file is not None:
+        return
+    given = list(scene.grouping.names.values())
+    for place, name in _mentioned(scene).items():
+        if name not in given and not _DEFAULT_NAME.fullmatch(name):
+            raise SceneError(
+                f"{place}: there is no part '{name}'; parts are called {', '.join([*given, 'part_0', 'part_1'])} "
+                f"and so on until --part-name names them.{did_you_mean(name, [*given, 'part_0'])}"
+            )
+
+
+def _mentioned(scene: Scene) -> dict[str, str]:
+    """Names of parts by the key that mentions them."""
+    places = {f"parts.{name}": name for name in scene.parts}
+    places |= {f"forces.{i}.part": force.part for i, force in enumerate(scene.forces) if force.part != ALL_PARTS}
+    return places
