@@ -8,10 +8,11 @@ natural logarithms, ``rot_*`` is (w, x, y, z) and need not be of unit length, co
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from phys4dgen.errors import FormatError
 from phys4dgen.formats.atomic import atomic_path
 from phys4dgen.formats.ply_header import PlyElement, PlyHeader, read_ply_header
 from phys4dgen.formats.splat_file import (
-    LARGEST_COORDINATE,
+    LARGEST_VALUE,
     SplatFile,
     existing_file,
     raise_scales,
@@ -44,7 +45,9 @@ LARGEST_LOG_SCALE = 41.0
 LARGEST_LOGIT = 16.635532
 """Logit of 1 - 2^-24, the largest opacity below 1 in float32; opacities of 0 and 1 are written as -/+ this."""
 
-BLOCK_ROWS = 2048
+LARGEST_QUAT = float(np.finfo(np.float32).max)
+
+BLOCK_ROWS = 4096
 MAX_LIST_ROWS = 1_000_000
 
 
@@ -58,52 +61,28 @@ def read_ply(path: Path | str) -> SplatFile:
     with path.open("rb") as stream:
         header = read_ply_header(stream, path)
         vertex = vertex_element(header, path)
-        rest_count = f_rest_count(vertex, path)
         skip_to_vertex(stream, header, path)
         refuse_short_body(stream, header, vertex, path)
-        known = {*REQUIRED, *NORMALS, *(f_rest_names(rest_count))}
-        extra = {
-            column.name: np.zeros(vertex.count, "=" + column.type_code)
-            for column in vertex.properties
-            if column.name not in known
-        }
-        n, coefficients = vertex.count, 1 + rest_count // 3
-        means = np.zeros((n, 3), np.float32)
-        sh = np.zeros((n, coefficients, 3), np.float32)
-        logits = np.zeros((n, 1), np.float32)
-        log_scales = np.zeros((n, 3), np.float32)
-        quats = np.zeros((n, 4), np.float32)
-        start = 0
-        for block in blocks(stream, header, vertex, path):
-            rows = slice(start, start + len(block))
-            means[rows] = columns(block, MEANS)
-            sh[rows, 0] = columns(block, SH_DC)
-            if rest_count:
-                channel_major = columns(block, f_rest_names(rest_count)).reshape(len(block), 3, coefficients - 1)
-                sh[rows, 1:] = channel_major.transpose(0, 2, 1)
-            logits[rows] = columns(block, ("opacity",))
-            log_scales[rows] = columns(block, SCALES)
-            quats[rows] = columns(block, QUATS)
-            for name, values in extra.items():
-                values[rows] = block[name]
-            start += len(block)
-    flat_sh = sh.reshape(n, -1)
+        raw = gather(stream, header, vertex, path)
+    coefficients = raw.sh.shape[1]
     refuse_invalid_rows(
         path,
         [
-            (MEANS, means, np.abs(means) < LARGEST_COORDINATE),
-            (sh_names(coefficients), flat_sh, np.abs(flat_sh) < LARGEST_COORDINATE),
-            (("opacity",), logits, ~np.isnan(logits)),  # infinite logits are opacities of exactly 0 and 1
-            (SCALES, log_scales, log_scales < LARGEST_LOG_SCALE),  # minus infinity is a scale of exactly 0
-            (QUATS, quats, np.isfinite(quats)),
+            (MEANS, raw.means, -LARGEST_VALUE, LARGEST_VALUE),
+            (sh_names(coefficients), raw.sh.reshape(vertex.count, -1), -LARGEST_VALUE, LARGEST_VALUE),
+            (("opacity",), raw.logits, -np.inf, np.inf),  # infinite logits are opacities of exactly 0 and 1
+            (SCALES, raw.log_scales, -np.inf, LARGEST_LOG_SCALE),  # minus infinity is a scale of exactly 0
+            (QUATS, raw.quats, -LARGEST_QUAT, LARGEST_QUAT),
         ],
     )
-    scales, scale_notes = raise_scales(np.exp(log_scales))
-    unit, quat_notes = unit_quaternions(quats)
+    scales, scale_notes = raise_scales(np.exp(raw.log_scales))
+    quats, quat_notes = unit_quaternions(raw.quats)
     return SplatFile(
-        gaussians=Gaussians(means=means, quats_wxyz=unit, scales=scales, opacities=sigmoid(logits[:, 0]), sh=sh),
+        gaussians=Gaussians(
+            means=raw.means, quats_wxyz=quats, scales=scales, opacities=sigmoid(raw.logits[:, 0]), sh=raw.sh
+        ),
         layout=f"PLY, {header.encoding}, {len(vertex.properties)} properties",
-        extra=extra,
+        extra=raw.extra,
         notes=(*quat_notes, *scale_notes),
     )
 
@@ -260,6 +239,46 @@ def refuse_short_body(stream: BinaryIO, header: PlyHeader, vertex: PlyElement, p
         )
 
 
+class RawColumns(NamedTuple):
+    """What the file says, in float32: logits [N, 1], logarithms of scales [N, 3], quaternions of any length [N, 4]."""
+
+    means: NDArray[np.float32]
+    sh: NDArray[np.float32]
+    logits: NDArray[np.float32]
+    log_scales: NDArray[np.float32]
+    quats: NDArray[np.float32]
+    extra: dict[str, NDArray[Any]]
+
+
+def gather(stream: BinaryIO, header: PlyHeader, vertex: PlyElement, path: Path) -> RawColumns:
+    """Read all rows of ``vertex``, block by block, into one array per quantity."""
+    n = vertex.count
+    rest = f_rest_names(f_rest_count(vertex, path))
+    known = {*REQUIRED, *NORMALS, *rest}
+    raw = RawColumns(
+        means=np.zeros((n, 3), np.float32),
+        sh=np.zeros((n, 1 + len(rest) // 3, 3), np.float32),
+        logits=np.zeros((n, 1), np.float32),
+        log_scales=np.zeros((n, 3), np.float32),
+        quats=np.zeros((n, 4), np.float32),
+        extra={c.name: np.zeros(n, "=" + c.type_code) for c in vertex.properties if c.name not in known},
+    )
+    start = 0
+    for block in blocks(stream, header, vertex, path):
+        rows = slice(start, start + len(block))
+        raw.means[rows] = columns(block, MEANS)
+        raw.sh[rows, 0] = columns(block, SH_DC)
+        if rest:
+            raw.sh[rows, 1:] = columns(block, rest).reshape(len(block), 3, -1).transpose(0, 2, 1)  # channel-major
+        raw.logits[rows] = columns(block, ("opacity",))
+        raw.log_scales[rows] = columns(block, SCALES)
+        raw.quats[rows] = columns(block, QUATS)
+        for name, values in raw.extra.items():
+            values[rows] = block[name]
+        start += len(block)
+    return raw
+
+
 def blocks(stream: BinaryIO, header: PlyHeader, vertex: PlyElement, path: Path) -> Iterator[NDArray[Any]]:
     """Structured arrays of up to BLOCK_ROWS rows, small enough to stay in cache while columns are gathered."""
     dtype = vertex.row_dtype(header.byte_order)
@@ -293,8 +312,20 @@ def ascii_rows(stream: BinaryIO, rows: int, dtype: np.dtype, path: Path) -> NDAr
 
 def columns(block: NDArray[Any], names: tuple[str, ...]) -> NDArray[np.float32]:
     """The named columns of a structured block side by side, shape [rows, len(names)]."""
+    first = first_of_run(block.dtype, names)
+    if first is not None:
+        return block.view(np.float32).reshape(len(block), -1)[:, first : first + len(names)]
     with np.errstate(over="ignore"):  # a double beyond float32 becomes infinite and is refused with its name
         return np.stack([block[name] for name in names], axis=1, dtype=np.float32, casting="same_kind")
+
+
+@functools.lru_cache(maxsize=64)
+def first_of_run(dtype: np.dtype, names: tuple[str, ...]) -> int | None:
+    """Index of the first column if rows are all native float32 and ``names`` are neighbours in order, else None."""
+    fields = dtype.names or ()
+    first = fields.index(names[0])
+    neighbours = fields[first : first + len(names)] == names
+    return first if neighbours and all(dtype[name] == np.float32 for name in fields) else None
 
 
 def f_rest_names(count: int) -> tuple[str, ...]:

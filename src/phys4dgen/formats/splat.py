@@ -13,7 +13,7 @@ import numpy as np
 from phys4dgen.errors import FormatError
 from phys4dgen.formats.atomic import atomic_path
 from phys4dgen.formats.splat_file import (
-    LARGEST_COORDINATE,
+    LARGEST_VALUE,
     SplatFile,
     existing_file,
     raise_scales,
@@ -45,8 +45,8 @@ def read_splat(path: Path | str) -> SplatFile:
     refuse_invalid_rows(
         path,
         [
-            (("x", "y", "z"), position, np.abs(position) < LARGEST_COORDINATE),
-            (("scale x", "scale y", "scale z"), scale, (scale >= 0) & (scale < LARGEST_COORDINATE)),
+            (("x", "y", "z"), position, -LARGEST_VALUE, LARGEST_VALUE),
+            (("scale x", "scale y", "scale z"), scale, 0.0, LARGEST_VALUE),
         ],
     )
     scales, scale_notes = raise_scales(scale)

@@ -14,6 +14,7 @@ from phys4dgen.errors import FormatError
 from phys4dgen.types import Gaussians
 
 __all__ = [
+    "LARGEST_VALUE",
     "SMALLEST_SCALE",
     "SplatFile",
     "existing_file",
@@ -22,7 +23,7 @@ __all__ = [
     "unit_quaternions",
 ]
 
-LARGEST_COORDINATE = 1e18
+LARGEST_VALUE = 1e18
 """Squares of anything larger leave float32, in which everything downstream computes."""
 
 SMALLEST_SCALE = 1e-18
@@ -69,17 +70,18 @@ def existing_file(path: Path | str) -> Path:
     return path
 
 
-def refuse_invalid_rows(path: Path, columns: Sequence[tuple[Sequence[str], NDArray[Any], NDArray[np.bool_]]]) -> None:
-    """Raise if any value is invalid; each entry is (names of the columns, values [N, C], valid [N, C]).
+def refuse_invalid_rows(path: Path, columns: Sequence[tuple[Sequence[str], NDArray[Any], float, float]]) -> None:
+    """Raise if any value leaves its range; each entry is (names of the C columns, values [N, C], lowest, highest).
 
     Raises:
-        FormatError: says how many Gaussians are affected and where the first one is.
+        FormatError: NaN or out of range; says how many Gaussians are affected and where the first one is.
     """
-    if all(valid.all() for _, _, valid in columns):
+    # NaN makes both reductions NaN and so fails the comparison; a good file costs no temporary array.
+    if all(low <= values.min() and values.max() <= high for _, values, low, high in columns):
         return
-    names = [name for group, _, _ in columns for name in group]
-    values = np.concatenate([values for _, values, _ in columns], axis=1)
-    invalid = ~np.concatenate([valid for _, _, valid in columns], axis=1)
+    names = [name for group, _, _, _ in columns for name in group]
+    values = np.concatenate([values for _, values, _, _ in columns], axis=1)
+    invalid = ~np.concatenate([(low <= values) & (values <= high) for _, values, low, high in columns], axis=1)
     rows = np.flatnonzero(invalid.any(axis=1))
     column = int(np.argmax(invalid[rows[0]]))
     raise FormatError(
