@@ -27,8 +27,8 @@ def test_up_takes_a_negative_axis_either_way(words):
 def test_everyday_flags_set_keys_of_the_scene():
     scene = scene_of(
         "--height-m", "0.35", "--parts", "3", "--motion", "sway", "--wind", "-1,0,0.5", "--hold", "pot",
-        "--hold", "soil", "--material", "pot=terracotta", "--part-name", "0=pot", "--part-name", "1=soil", "--duration-s", "1e0",
-        "--fps", "12", "--grid", "48", "--seed", "7", "--threads", "1",
+        "--hold", "soil", "--material", "pot=terracotta", "--part-name", "0=pot", "--part-name", "1=soil",
+        "--duration-s", "1e0", "--fps", "12", "--grid", "48", "--seed", "7", "--threads", "1",
     )  # fmt: skip
     assert (scene.height_m, scene.grouping.parts, scene.motion.preset, scene.seed) == (0.35, 3, "sway", 7)
     assert scene.motion.wind == (-1, 0, 0.5)
