@@ -1,0 +1,88 @@
+"""The background grid: as many whole cells as the body needs, laid anew when the body nears its edge.
+
+Between segments the grid holds no state, so it can move and grow freely; world cells never move, so results do not
+depend on where the grid was laid.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.mpm.held import HeldNodes
+
+__all__ = ["Grid"]
+
+_DRIFT = 1  # cells that a particle may move between two sorts
+_ROW = 3  # nodes beyond a particle's lowest node that rows of lanes touch
+_GROUP = 4  # nodes of a row of lanes along z
+_SPARE = 64  # elements past the end that the last loads may touch
+
+
+class Grid:
+    """Momentum and velocity of a box of nodes.
+
+    Attributes:
+        shift: world node of the first node, int64 [3].
+        nodes: nodes along x, y, z; nz is a multiple of 4.
+        momentum: private grids of the chunks, (px, py, pz, mass) per node, float32 [chunks, 4 nodes + spare].
+        velocity: (vx, vy, vz, .) per node, float32 [4 nodes + spare].
+        free: 1 where a node may move, 0 where it is held, float32 [nodes + spare].
+    """
+
+    def __init__(self, extent: NDArray[np.int64], *, chunks: int, padding: int, held: HeldNodes) -> None:
+        """Lay a grid around particles whose lowest nodes span ``extent`` (low and high along x, y, z)."""
+        self.shift = extent[0::2] - _DRIFT - padding
+        self.nodes = self.nodes_for(extent, padding)
+        count = int(np.prod(self.nodes))
+        self.momentum = np.zeros((chunks, 4 * count + _SPARE), np.float32)
+        self.velocity = np.zeros(4 * count + _SPARE, np.float32)
+        self.free = np.ones(count + _SPARE, np.float32)
+        held.write_to(self.free[:count].reshape(self.nodes), self.shift)
+
+    @staticmethod
+    def nodes_for(extent: NDArray[np.int64], padding: int) -> tuple[int, int, int]:
+        """Nodes along x, y, z that a grid around ``extent`` has."""
+        nx, ny, nz = (int(n) for n in extent[1::2] - extent[0::2] + 1 + 2 * (_DRIFT + padding) + _ROW)
+        return nx, ny, -(-nz // _GROUP) * _GROUP
+
+    def holds(self, extent: NDArray[np.int64]) -> bool:
+        """Whether particles that span ``extent`` may drift until the next sort and stay inside."""
+        low, high = extent[0::2] - self.shift, extent[1::2] - self.shift
+        return bool((low >= _DRIFT).all() and (high + _DRIFT + _ROW < self.nodes).all())
+
+    @property
+    def numbers(self) -> tuple[int, int, int, int, int]:
+        """(shift_x, shift_y, shift_z, ny, nz) for the kernels."""
+        x, y, z = (int(n) for n in self.shift)
+        return x, y, z, self.nodes[1], self.nodes[2]
+
+    def active_box(self, extent: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Nodes [x0, x1, y0, y1, z0, z1) that particles spanning ``extent`` may touch until the next sort."""
+        low = extent[0::2] - self.shift - _DRIFT
+        high = extent[1::2] - self.shift + _DRIFT + _ROW
+        low[2] = low[2] // _GROUP * _GROUP
+        high[2] = -(-high[2] // _GROUP) * _GROUP
+        return np.stack([low, high], 1).ravel()
+
+    def chunk_limits(
+        self, cells_x: NDArray[np.int32], ranges: NDArray[np.int64], extent: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+        """Planes [chunks, 2] that each chunk may write to and bounds [chunks, 6] of its particles' lowest nodes.
+
+        ``cells_x`` are the lowest world nodes along x in sorted order, ``ranges`` as in ``step.advance``.
+        """
+        chunks = ranges.shape[1]
+        planes = np.zeros((chunks, 2), np.int64)
+        bounds = np.zeros((chunks, 6), np.int32)
+        bounds[:, 2::2] = extent[2::2] - self.shift[1:] - _DRIFT
+        bounds[:, 3::2] = extent[3::2] - self.shift[1:] + _DRIFT
+        for chunk in range(chunks):
+            filled = [(first, last) for first, last in ranges[:, chunk] if last > first]
+            if not filled:
+                continue
+            low = min(cells_x[first] for first, _ in filled) - self.shift[0] - _DRIFT
+            high = max(cells_x[last - 1] for _, last in filled) - self.shift[0] + _DRIFT
+            planes[chunk] = low, high + _ROW
+            bounds[chunk, :2] = low, high
+        return planes, bounds

@@ -1,0 +1,78 @@
+"""Grid momentum to grid velocity: sum the private grids, divide by mass, accelerate, damp, hold.
+
+One plane of constant x per call; planes are independent, so they run on all threads.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phys4dgen.mpm.kernels.layout import kernel
+from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
+from phys4dgen.vector.lanes import (
+    constant16,
+    group_last,
+    load16,
+    load_group_each,
+    maximum,
+    splat16,
+    store,
+    where,
+)
+
+__all__ = ["grid_plane"]
+
+_f = np.float32
+_SMALLEST_MASS = _f(1e-12)  # of the mean particle mass; lighter nodes carry no velocity
+_x_lane = constant16([1, 0, 0, 0] * 4)
+_y_lane = constant16([0, 1, 0, 0] * 4)
+_z_lane = constant16([0, 0, 1, 0] * 4)
+_node_in_group = constant16([0] * 4 + [1] * 4 + [2] * 4 + [3] * 4)
+
+
+@kernel
+def grid_plane(plane, box, planes_of_chunk, momentum, velocity, free, grid, dx, gain, damping, rigid):
+    """Update one plane of nodes.
+
+    Args:
+        plane: node number along x.
+        box: active nodes [x0, x1, y0, y1, z0, z1); z0 and the grid's nz are multiples of 4.
+        planes_of_chunk: first and one past last plane that each chunk wrote to, int, [chunks, 2].
+        momentum: private grids [chunks, 4 nodes], float32; set to zero again.
+        velocity: result (vx, vy, vz, .) per node, m/s, flat float32.
+        free: 1 where a node may move, 0 where it is held, per node, float32.
+        grid: (shift_x, shift_y, shift_z, ny, nz).
+        dx: cell side in metres, float32.
+        gain: velocity that all nodes gain in this substep, m/s, [3].
+        damping: share of the velocity relative to ``rigid`` that is lost in this substep.
+        rigid: velocity field that is not damped: linear velocity, angular velocity, centre (m), [9].
+    """
+    state = begin_flush_to_zero()
+    ny, nz = grid[3], grid[4]
+    ex, ey, ez = _x_lane(), _y_lane(), _z_lane()
+    gained = ex * gain[0] + ey * gain[1] + ez * gain[2]
+    zero = splat16(_f(0))
+    least = splat16(_SMALLEST_MASS)
+    # v_rigid = u + omega x (x_node - centre): constant along x and y in a row, linear along z
+    wx, wy, wz = rigid[3], rigid[4], rigid[5]
+    rx = (plane + grid[0]) * dx - rigid[6]
+    per_node = (ex * wy - ey * wx) * dx
+    for row in range(box[2], box[3]):
+        ry = (row + grid[1]) * dx - rigid[7]
+        rz = (box[4] + grid[2]) * dx - rigid[8]
+        row_start = ex * (rigid[0] + wy * rz - wz * ry) + ey * (rigid[1] + wz * rx - wx * rz)
+        undamped = row_start + ez * (rigid[2] + wx * ry - wy * rx) + per_node * _node_in_group()
+        base = (plane * ny + row) * nz
+        for column in range(box[4], box[5], 4):
+            at = (base + column) * 4
+            total = zero
+            for chunk in range(planes_of_chunk.shape[0]):
+                if planes_of_chunk[chunk, 0] <= plane < planes_of_chunk[chunk, 1]:
+                    total = total + load16(momentum[chunk], at)
+                    store(momentum[chunk], at, zero)
+            mass = group_last(total)
+            v = total / maximum(mass, least)
+            v = (v - damping * (v - undamped) + gained) * load_group_each(free, base + column)
+            store(velocity, at, where(mass > least, v, zero))
+            undamped = undamped + _f(4) * per_node
+    restore_float_state(state)

@@ -1,0 +1,62 @@
+"""How the kernels see particles and grid in memory.
+
+Particles are float32 columns of one array [COLUMN_COUNT, stride]; a particle's number is its place along the second
+axis. They are ordered by law, then by grid cell, and each law's range is padded with massless particles to a multiple
+of ``LANES``.
+
+Units inside the kernels: metres from a fixed origin, seconds, pascals; mass and volume divided by the body's mean
+particle mass, so that node masses are of order one whatever the size of the object.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+
+__all__ = [
+    "AFFINE",
+    "COLUMN_COUNT",
+    "DEFORMATION",
+    "FUSED",
+    "GATHER_ONLY",
+    "INDEX",
+    "LAME_LAMBDA",
+    "LAME_MU",
+    "LANES",
+    "MASS",
+    "PART",
+    "POSITION",
+    "SCATTER_ONLY",
+    "VELOCITY",
+    "VOLUME",
+    "kernel",
+    "parallel_kernel",
+    "strict_kernel",
+]
+
+LANES = 32
+"""Particles that one batch computes side by side (two AVX-512 registers: the second hides the latency of the first)."""
+
+POSITION = 0  # 3 columns, m
+DEFORMATION = 3  # 9 columns, F row by row
+MASS = 12  # mean particle masses
+VOLUME = 13  # rest volume, m3 per mean particle mass in kg
+LAME_MU = 14  # Pa
+LAME_LAMBDA = 15  # Pa
+VELOCITY = 16  # 3 columns, m/s; valid between segments only
+AFFINE = 19  # 9 columns, APIC matrix C row by row, 1/s; valid between segments only
+PART = 28  # part number
+INDEX = 29  # number of the particle in the body, as int32 bits
+COLUMN_COUNT = 30
+
+SCATTER_ONLY, FUSED, GATHER_ONLY = 0, 1, 2
+"""What a particle pass does: begin a segment, a substep in its middle, or end it."""
+
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "boundscheck": False, "nogil": True}
+strict_kernel: Any = numba.njit(**_OPTIONS)
+"""Decorator of a compiled, cached kernel in which NaN and infinity keep their meaning."""
+kernel: Any = numba.njit(fastmath=True, **_OPTIONS)
+"""Decorator of a compiled, cached kernel."""
+parallel_kernel: Any = numba.njit(parallel=True, fastmath=True, **_OPTIONS)
+"""Decorator of a compiled, cached kernel whose ``prange`` loops run on all threads."""

@@ -1,0 +1,87 @@
+"""Between segments: check every particle, and order the particles of each law by cell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phys4dgen.mpm.kernels.layout import POSITION, VELOCITY, strict_kernel
+
+__all__ = ["NEVER_SEEN", "inspect_particles", "order_by_cell"]
+
+NEVER_SEEN = -(2**30)
+"""In ``previous``: this particle has no earlier cell to be compared with."""
+
+_FARTHEST = np.float32(2**22)  # cells from the origin; beyond it float32 cannot tell places inside a cell apart
+
+
+@strict_kernel
+def inspect_particles(particles, previous, inverse_dx, cells, extent):
+    """Find each particle's lowest node in world cells; check that all are finite and that none ran too far.
+
+    Args:
+        particles: columns of ``layout``, float32 [COLUMN_COUNT, stride].
+        previous: lowest nodes at the last call, int32 [3, stride], or NEVER_SEEN.
+        inverse_dx: cells per metre, float32.
+        cells: result, lowest node of each particle, int32 [3, stride].
+        extent: result, smallest and largest lowest node along x, y, z, int64 [6].
+
+    Returns:
+        (first bad particle or -1, largest speed in m/s). A particle is bad when its position or velocity is not
+        finite, or when it left the cells next to its previous one.
+    """
+    bad = -1
+    fastest = np.float32(0)
+    for axis in range(3):
+        extent[2 * axis] = 2**30
+        extent[2 * axis + 1] = -(2**30)
+    for p in range(particles.shape[1]):
+        sane = True
+        squared = np.float32(0)
+        for axis in range(3):
+            v = particles[VELOCITY + axis, p]
+            squared += v * v
+            place = particles[POSITION + axis, p] * inverse_dx - np.float32(0.5)
+            if not abs(place) < _FARTHEST:
+                sane = False
+                continue
+            node = int(np.floor(place))
+            cells[axis, p] = node
+            before = previous[axis, p]
+            if before != NEVER_SEEN and abs(node - before) > 1:
+                sane = False
+            extent[2 * axis] = min(extent[2 * axis], node)
+            extent[2 * axis + 1] = max(extent[2 * axis + 1], node)
+        if not squared < np.float32(1e30):
+            sane = False
+        else:
+            fastest = max(fastest, squared)
+        if not sane and bad < 0:
+            bad = p
+    return bad, np.sqrt(fastest)
+
+
+@strict_kernel
+def order_by_cell(cells, extent, first, last, counts, order):
+    """Stable counting sort of particles [first, last) by cell, x slowest.
+
+    Args:
+        cells: lowest node of each particle, int32 [3, stride].
+        extent: smallest and largest lowest node along x, y, z, int64 [6].
+        first: first particle of one law.
+        last: one past its last.
+        counts: work space, int32, at least one element per cell of the extent plus one.
+        order: result, order[i] is the particle that belongs at place i, int32 [stride].
+    """
+    ny = extent[3] - extent[2] + 1
+    nz = extent[5] - extent[4] + 1
+    cell_count = (extent[1] - extent[0] + 1) * ny * nz
+    counts[: cell_count + 1] = 0
+    for p in range(first, last):
+        key = ((cells[0, p] - extent[0]) * ny + (cells[1, p] - extent[2])) * nz + (cells[2, p] - extent[4])
+        counts[key + 1] += 1
+    for key in range(cell_count):
+        counts[key + 1] += counts[key]
+    for p in range(first, last):
+        key = ((cells[0, p] - extent[0]) * ny + (cells[1, p] - extent[2])) * nz + (cells[2, p] - extent[4])
+        order[first + counts[key]] = p
+        counts[key] += 1

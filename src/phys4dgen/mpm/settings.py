@@ -1,0 +1,94 @@
+"""How a body is simulated: grid, frames, loads and damping."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Acceleration", "Settings"]
+
+
+@dataclass(frozen=True)
+class Acceleration:
+    """An acceleration of one part, or of everything, during a time window.
+
+    Attributes:
+        value_ms2: acceleration while the window is fully open, m/s2.
+        from_s, to_s: the window.
+        part: part number, or None for all parts.
+        smooth: False: on and off at once; True: sin^2 from zero to full and back (half the impulse).
+    """
+
+    value_ms2: tuple[float, float, float]
+    from_s: float
+    to_s: float
+    part: int | None = None
+    smooth: bool = False
+
+    def __post_init__(self) -> None:
+        if len(self.value_ms2) != 3 or not all(math.isfinite(value) for value in self.value_ms2):
+            raise ValueError(f"value_ms2: expected three finite numbers, got {self.value_ms2}.")
+        if not (math.isfinite(self.from_s) and self.from_s < self.to_s):
+            raise ValueError(f"from_s, to_s: expected from_s < to_s, got {self.from_s} and {self.to_s}.")
+
+    def integral(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Seconds that the window was open up to each time, weighted by how far; same shape as ``times_s``."""
+        length = self.to_s - self.from_s
+        inside = np.clip(times_s - self.from_s, 0, length)
+        if not self.smooth:
+            return inside
+        return inside / 2 - np.sin(2 * np.pi * inside / length) * length / (4 * np.pi)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Everything about a simulation that is not the body.
+
+    Attributes:
+        dx_m: side of a grid cell, metres.
+        frame_time_s: simulated time between two frames, seconds.
+        gravity_ms2: uniform acceleration of everything that is not held, m/s2.
+        accelerations: loads on parts over time windows.
+        damping_per_s: mass-proportional damping alpha: velocities decay as exp(-alpha t); alpha = 4 pi zeta f1.
+        damping_relative_to_rigid: damp only what differs from the body's rigid motion (momentum and angular momentum
+            are kept); for bodies that are not held.
+        cfl: C in dt = C dx / (c_p + |v|); stable up to about 0.8.
+        chunks: particle ranges with a grid of their own; at most this many threads work on particles. Results depend
+            on this number, and not on the number of threads.
+        max_substeps_per_frame: a body that needs more is refused.
+        padding_cells: empty cells kept around the body when the grid is laid.
+        max_grid_nodes: a grid that would need more is refused.
+    """
+
+    dx_m: float
+    frame_time_s: float
+    gravity_ms2: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    accelerations: tuple[Acceleration, ...] = ()
+    damping_per_s: float = 0.0
+    damping_relative_to_rigid: bool = False
+    cfl: float = 0.4
+    chunks: int = 2
+    max_substeps_per_frame: int = 20_000
+    padding_cells: int = 3
+    max_grid_nodes: int = 20_000_000
+
+    def __post_init__(self) -> None:
+        for name in ("dx_m", "frame_time_s", "cfl"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name}: expected a positive number, got {value}.")
+        if not (math.isfinite(self.damping_per_s) and self.damping_per_s >= 0):
+            raise ValueError(f"damping_per_s: expected zero or more, got {self.damping_per_s}.")
+        if len(self.gravity_ms2) != 3 or not all(math.isfinite(value) for value in self.gravity_ms2):
+            raise ValueError(f"gravity_ms2: expected three finite numbers, got {self.gravity_ms2}.")
+        for name, least in (
+            ("chunks", 1),
+            ("max_substeps_per_frame", 2),
+            ("padding_cells", 0),
+            ("max_grid_nodes", 512),
+        ):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name}: expected at least {least}, got {getattr(self, name)}.")

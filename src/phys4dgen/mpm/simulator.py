@@ -1,0 +1,255 @@
+"""The simulator: a body and settings in, one frame after the other out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.errors import SimulationError
+from phys4dgen.mpm import diagnostics
+from phys4dgen.mpm.body import Body
+from phys4dgen.mpm.forces import peak_acceleration_ms2, velocity_gains_ms
+from phys4dgen.mpm.grid import Grid
+from phys4dgen.mpm.held import HeldNodes
+from phys4dgen.mpm.kernels.layout import AFFINE, MASS, PART, POSITION, VELOCITY
+from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
+from phys4dgen.mpm.settings import Settings
+from phys4dgen.mpm.state import Particles
+from phys4dgen.mpm.step import advance
+from phys4dgen.mpm.timestep import Estimate, expected_speed_ms, sort_interval, stiff_parts, substeps_for
+
+__all__ = ["Frame", "Simulator"]
+
+_GROWTH_CELLS = 4  # beyond the padding, so that a moving body does not lay a new grid at every sort
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The body at one time; held particles stand in their rest pose with F = I.
+
+    Attributes:
+        time_s: simulated time.
+        positions_m: shape [P, 3], float64.
+        deformation_gradients: total F, shape [P, 3, 3], float32.
+        velocities_ms: shape [P, 3], float32.
+        substeps: taken since the last frame.
+        dt_s: their length.
+        max_speed_ms: of the fastest particle.
+        kinetic_energy_j, elastic_energy_j: of all that moves.
+        momentum_kgms, angular_momentum_kgm2s: of all that moves, the latter about the coordinate origin, [3].
+    """
+
+    time_s: float
+    positions_m: NDArray[np.float64]
+    deformation_gradients: NDArray[np.float32]
+    velocities_ms: NDArray[np.float32]
+    substeps: int
+    dt_s: float
+    max_speed_ms: float
+    kinetic_energy_j: float
+    elastic_energy_j: float
+    momentum_kgms: NDArray[np.float64]
+    angular_momentum_kgm2s: NDArray[np.float64]
+
+
+class Simulator:
+    """Advances a body frame by frame.
+
+    Attributes:
+        body, settings: as given.
+        frame: the last frame that succeeded; at first the rest pose at t = 0.
+    """
+
+    def __init__(self, body: Body, settings: Settings) -> None:
+        """Prepare; raises SimulationError where the body cannot be simulated with these settings."""
+        if body.held.all():
+            raise SimulationError("Nothing can move: all particles are held; hold fewer parts.")
+        too_stiff = stiff_parts(body, settings)
+        if too_stiff:
+            raise SimulationError(f"The time step gets too small: {too_stiff[0]}.")
+        for number, acceleration in enumerate(settings.accelerations):
+            if acceleration.part is not None and not 0 <= acceleration.part < len(body.part_names):
+                raise SimulationError(
+                    f"Acceleration {number} names part {acceleration.part}; the body has parts 0 to "
+                    f"{len(body.part_names) - 1} ({', '.join(body.part_names)})."
+                )
+        self.body = body
+        self.settings = settings
+        self._dx = np.float32(settings.dx_m)
+        self._origin_m = body.positions_m.min(0)
+        self._particles = Particles(body, origin_m=self._origin_m, chunks=settings.chunks)
+        self._held = HeldNodes.from_particles(
+            (body.positions_m - self._origin_m) / settings.dx_m, body.mass_kg, body.held
+        )
+        self._wave_speed_ms = float(body.wave_speed_ms[self._particles.moving].max())
+        stride = self._particles.columns.shape[1]
+        self._cells = np.full((3, stride), NEVER_SEEN, np.int32)
+        self._extent = np.zeros(6, np.int64)
+        self._max_speed_ms = self._inspect(frame=0, time_s=0.0)
+        self._grid = self._lay_grid(frame=0, time_s=0.0)
+        self._counts = np.zeros(0, np.int32)
+        self._order = np.zeros(stride, np.int32)
+        self._frames_done = 0
+        self.frame = self._make_frame(substeps=0, dt_s=0.0)
+
+    def estimate(self) -> Estimate:
+        """Work of one frame, from the material and from speed and loads at t = 0."""
+        substeps = substeps_for(self._wave_speed_ms, expected_speed_ms(self.body, self.settings), self.settings)
+        dt_s = self.settings.frame_time_s / substeps
+        return Estimate(substeps, substeps * len(self._particles.moving), dt_s)
+
+    def advance(self) -> Frame:
+        """Simulate up to the next frame.
+
+        Raises:
+            SimulationError: a particle left its cell's neighbourhood between two sorts or is not finite any more, or
+                the grid or the substeps would exceed the settings; ``frame`` is then still the last good one.
+        """
+        settings = self.settings
+        number = self._frames_done + 1
+        start_s = self._frames_done * settings.frame_time_s
+        end_s = number * settings.frame_time_s
+        load = peak_acceleration_ms2(settings, start_s, end_s)
+        speed = self._max_speed_ms + load * settings.frame_time_s
+        substeps = substeps_for(self._wave_speed_ms, speed, settings)
+        if substeps > settings.max_substeps_per_frame:
+            raise SimulationError(
+                f"Frame {number} at {start_s:.4g} s needs {substeps} substeps for a speed of {speed:.3g} m/s, "
+                f"{settings.max_substeps_per_frame} are allowed; use weaker forces or raise max_substeps_per_frame."
+            )
+        dt_s = settings.frame_time_s / substeps
+        done = 0
+        while done < substeps:
+            speed = self._max_speed_ms + load * dt_s * sort_interval(substeps, dt_s, 0.0, settings.dx_m)
+            count = min(sort_interval(substeps, dt_s, speed, settings.dx_m), substeps - done)
+            times_s = start_s + dt_s * np.arange(done, done + count + 1)
+            self._segment(times_s, dt_s)
+            done += count
+            self._max_speed_ms = self._inspect(frame=number, time_s=start_s + dt_s * done)
+            if not self._grid.holds(self._extent):
+                self._grid = self._lay_grid(frame=number, time_s=start_s + dt_s * done)
+        self._frames_done = number
+        self.frame = self._make_frame(substeps=substeps, dt_s=dt_s)
+        return self.frame
+
+    def _segment(self, times_s: NDArray[Any], dt_s: float) -> None:
+        """Sort, then take the substeps that ``times_s`` bounds."""
+        settings, particles, grid = self.settings, self._particles, self._grid
+        cell_count = math.prod(int(n) for n in self._extent[1::2] - self._extent[0::2] + 1)
+        if len(self._counts) <= cell_count:
+            self._counts = np.zeros(cell_count + 1, np.int32)
+        for law_ranges in particles.ranges:
+            order_by_cell(self._cells, self._extent, law_ranges[0, 0], law_ranges[-1, 1], self._counts, self._order)
+        self._cells = self._cells[:, self._order]
+        planes, bounds = grid.chunk_limits(self._cells[0], particles.ranges, self._extent)
+        everything, parts = velocity_gains_ms(settings, times_s, len(self.body.part_names))
+        kicks = parts if parts.any() else parts[:, :0]
+        damping = -math.expm1(-settings.damping_per_s * dt_s)
+        advance(
+            particles.laws,
+            particles.columns,
+            particles.spare,
+            self._order,
+            particles.ranges,
+            planes,
+            bounds,
+            grid.active_box(self._extent),
+            grid.momentum,
+            grid.velocity,
+            grid.free,
+            grid.numbers,
+            self._dx,
+            np.float32(dt_s),
+            everything.astype(np.float32),
+            kicks.astype(np.float32),
+            np.float32(damping),
+            self._undamped_motion(everything, parts, dt_s),
+        )
+        particles.columns, particles.spare = particles.spare, particles.columns
+
+    def _undamped_motion(
+        self, everything: NDArray[np.float64], parts: NDArray[np.float64], dt_s: float
+    ) -> NDArray[np.float32]:
+        """Rigid motion (velocity, angular velocity, centre) that damping spares in each substep, [S, 9]."""
+        motion = np.zeros((len(everything), 9))
+        if not (self.settings.damping_relative_to_rigid and self.settings.damping_per_s > 0):
+            return motion.astype(np.float32)
+        columns = self._particles.columns
+        mass = columns[MASS].astype(np.float64)
+        velocity, spin, centre = diagnostics.rigid_motion(
+            mass,
+            columns[POSITION : POSITION + 3].T.astype(np.float64),
+            columns[VELOCITY : VELOCITY + 3].T.astype(np.float64),
+            columns[AFFINE : AFFINE + 9].T.reshape(-1, 3, 3),
+            self.settings.dx_m,
+        )
+        part_mass = np.bincount(columns[PART].astype(np.int64), mass, parts.shape[1])
+        # a part's kick is in the momentum when the grid damps it, the uniform gain is added afterwards
+        kicked = np.cumsum(np.einsum("g,sgi->si", part_mass / mass.sum(), parts), 0)
+        gained = np.cumsum(everything, 0) - everything
+        motion[:, :3] = velocity + kicked + gained
+        motion[:, 3:6] = spin
+        motion[:, 6:] = centre + np.cumsum(motion[:, :3] * dt_s, 0) - motion[:, :3] * dt_s
+        return motion.astype(np.float32)
+
+    def _inspect(self, *, frame: int, time_s: float) -> float:
+        """Check all particles, find their cells; returns the largest speed in m/s."""
+        columns = self._particles.columns
+        previous = self._cells
+        cells = np.full_like(previous, NEVER_SEEN)
+        bad, fastest = inspect_particles(columns, previous, 1 / self._dx, cells, self._extent)
+        if bad >= 0:
+            name = self.body.part_names[int(columns[PART, bad])]
+            sound = bool(np.isfinite(columns[:, bad]).all())
+            what = "moved by more than one cell between two sorts" if sound else "has no finite position or velocity"
+            raise SimulationError(
+                f"The simulation became unstable in frame {frame} at {time_s:.4g} s: a particle of part '{name}' "
+                f"{what}; likely causes are forces too strong for the material, or cfl {self.settings.cfl:g} "
+                f"above 0.5."
+            )
+        self._cells = cells
+        return float(fastest)
+
+    def _lay_grid(self, *, frame: int, time_s: float) -> Grid:
+        settings = self.settings
+        padding = settings.padding_cells + (0 if frame == 0 else _GROWTH_CELLS)
+        nodes = math.prod(Grid.nodes_for(self._extent, padding))
+        if nodes > settings.max_grid_nodes:
+            farthest = int(np.abs(self._cells - np.median(self._cells, 1, keepdims=True)).max(0).argmax())
+            name = self.body.part_names[int(self._particles.columns[PART, farthest])]
+            raise SimulationError(
+                f"The body spreads too far in frame {frame} at {time_s:.4g} s: the grid would need {nodes} nodes, "
+                f"{settings.max_grid_nodes} are allowed, and part '{name}' is farthest out; use a larger dx_m, "
+                f"weaker forces, or raise max_grid_nodes."
+            )
+        return Grid(self._extent, chunks=settings.chunks, padding=padding, held=self._held)
+
+    def _make_frame(self, *, substeps: int, dt_s: float) -> Frame:
+        body, particles, dx_m = self.body, self._particles, self.settings.dx_m
+        moving = particles.moving
+        mass = body.mass_kg[moving]
+        x, v = particles.positions_m(), particles.velocities_ms()
+        f, c = particles.deformation_gradients(), particles.affine_per_s()
+        positions = body.positions_m.copy()
+        positions[moving] = x
+        gradients = np.tile(np.eye(3, dtype=np.float32), (len(body), 1, 1))
+        gradients[moving] = f
+        velocities = np.zeros((len(body), 3), np.float32)
+        velocities[moving] = v
+        return Frame(
+            time_s=self._frames_done * self.settings.frame_time_s,
+            positions_m=positions,
+            deformation_gradients=gradients,
+            velocities_ms=velocities,
+            substeps=substeps,
+            dt_s=dt_s,
+            max_speed_ms=self._max_speed_ms,
+            kinetic_energy_j=diagnostics.kinetic_energy_j(mass, v, c, dx_m),
+            elastic_energy_j=diagnostics.elastic_energy_j(body, moving, f),
+            momentum_kgms=diagnostics.momentum_kgms(mass, v),
+            angular_momentum_kgm2s=diagnostics.angular_momentum_kgm2s(mass, x, v, c, dx_m=dx_m, about_m=np.zeros(3)),
+        )

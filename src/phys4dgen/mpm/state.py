@@ -1,0 +1,100 @@
+"""The particle columns that the kernels work on, made from a body and read back in the body's order."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.mpm.body import Body
+from phys4dgen.mpm.kernels.layout import (
+    AFFINE,
+    COLUMN_COUNT,
+    DEFORMATION,
+    INDEX,
+    LAME_LAMBDA,
+    LAME_MU,
+    LANES,
+    MASS,
+    PART,
+    POSITION,
+    VELOCITY,
+    VOLUME,
+)
+from phys4dgen.mpm.laws import LAWS, Law, LawId
+
+__all__ = ["Particles"]
+
+
+class Particles:
+    """Columns of the particles that move, ordered by law and padded with massless copies to full batches.
+
+    Attributes:
+        laws: the laws present, in the order of their ranges.
+        ranges: first and one past last column place of each law in each chunk, int64 [laws, chunks, 2].
+        moving: numbers of the moving particles in the body, int64 [M].
+        mass_unit_kg: mean mass of the moving particles.
+        columns: see ``kernels.layout``, float32 [COLUMN_COUNT, stride].
+        spare: as ``columns``; a segment reads one and writes the other.
+    """
+
+    def __init__(self, body: Body, *, origin_m: NDArray[np.float64], chunks: int) -> None:
+        self.moving = np.flatnonzero(~body.held)
+        self._origin_m = origin_m
+        self.mass_unit_kg = float(body.mass_kg[self.moving].mean())
+        laws, places, ranges, start = [], [], [], 0
+        for law_id in np.unique(body.law[self.moving]):
+            members = self.moving[body.law[self.moving] == law_id]
+            batches = -(-len(members) // LANES)
+            padded = np.concatenate([members, np.full(batches * LANES - len(members), members[-1])])
+            bounds = start + LANES * np.linspace(0, batches, chunks + 1).round().astype(np.int64)
+            ranges.append(np.stack([bounds[:-1], bounds[1:]], 1))
+            laws.append(LAWS[LawId(law_id)])
+            places.append(np.stack([padded, np.arange(len(padded)) < len(members)], 1))
+            start += len(padded)
+        self.laws: tuple[Law, ...] = tuple(laws)
+        self.ranges = np.stack(ranges)
+        index, real = np.concatenate(places).T
+        self.columns = self._fill(body, index, real.astype(bool))
+        self.spare = np.zeros_like(self.columns)
+
+    def _fill(self, body: Body, index: NDArray[np.int64], real: NDArray[np.bool_]) -> NDArray[np.float32]:
+        assert body.velocities_ms is not None
+        columns = np.zeros((COLUMN_COUNT, len(index)), np.float32)
+        columns[POSITION : POSITION + 3] = (body.positions_m[index] - self._origin_m).T
+        columns[DEFORMATION : DEFORMATION + 9 : 4] = 1
+        columns[MASS] = np.where(real, body.mass_kg[index] / self.mass_unit_kg, 0)
+        columns[VOLUME] = np.where(real, body.volume_m3[index] / self.mass_unit_kg, 0)
+        columns[LAME_MU] = body.lame_mu_pa[index]
+        columns[LAME_LAMBDA] = body.lame_lambda_pa[index]
+        columns[VELOCITY : VELOCITY + 3] = body.velocities_ms[index].T
+        columns[PART] = body.part[index]
+        columns[INDEX] = np.where(real, index, -1).astype(np.int32).view(np.float32)
+        return columns
+
+    @property
+    def body_index(self) -> NDArray[np.int32]:
+        """Number in the body of the particle at each place, -1 for padding."""
+        return self.columns[INDEX].view(np.int32)
+
+    def read(self, first: int, count: int) -> NDArray[np.float32]:
+        """Columns ``first`` to ``first + count`` of the moving particles in the body's order, [M, count]."""
+        index = self.body_index
+        places = np.flatnonzero(index >= 0)
+        places = places[np.argsort(index[places])]
+        return self.columns[first : first + count, places].T
+
+    def positions_m(self) -> NDArray[np.float64]:
+        """Positions of the moving particles, metres, [M, 3]."""
+        return self.read(POSITION, 3) + self._origin_m
+
+    def velocities_ms(self) -> NDArray[np.float32]:
+        """Velocities of the moving particles, [M, 3]."""
+        return self.read(VELOCITY, 3)
+
+    def deformation_gradients(self) -> NDArray[np.float32]:
+        """F of the moving particles, [M, 3, 3]."""
+        return self.read(DEFORMATION, 9).reshape(-1, 3, 3)
+
+    def affine_per_s(self) -> NDArray[np.float32]:
+        """APIC velocity gradient C of the moving particles, 1/s, [M, 3, 3]."""
+        return self.read(AFFINE, 9).reshape(-1, 3, 3)
