@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from phys4dgen.animate.kernels import axes_slice, blocked
 from phys4dgen.animate.slices import run_slices
@@ -45,7 +46,9 @@ class AxisTracker:
         largest = gaussians.scales.max(1, keepdims=True).astype(np.float64)
         relative = np.maximum(gaussians.scales / largest, _LEAST_SCALE_RATIO)
         axes = rotation_from_quats(gaussians.quats_wxyz) * relative[:, None, :]
-        self._rest_axes = blocked(np.concatenate([axes.reshape(n, 9), largest], 1))
+        self._order, sorting, unsort = _longest_first(gaussians.scales)
+        self._rest_axes = blocked(np.concatenate([(axes @ sorting).reshape(n, 9), largest], 1))
+        self._unsort = blocked(unsort)
         self._turned = blocked(np.tile(np.eye(3).reshape(1, 9), (n, 1)))
         self._previous = blocked(gaussians.quats_wxyz)
 
@@ -59,6 +62,8 @@ class AxisTracker:
             axes_slice,
             limited,
             self._rest_axes,
+            self._order,
+            self._unsort,
             self._turned,
             self._previous,
             self._rest_quats,
@@ -68,3 +73,21 @@ class AxisTracker:
             threads=self._threads,
         )
         return quats, scales
+
+
+def _longest_first(
+    scales: NDArray[np.float32],
+) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]:
+    """How to sort the axes of each Gaussian by length.
+
+    Returns:
+        Number of the axis that comes first, second, third [N, 3]; the proper signed permutation that sorts columns
+        [N, 3, 3]; the quaternion (w, x, y, z) of its inverse [N, 4].
+    """
+    order = np.argsort(-scales, axis=1, kind="stable")
+    kinds, kind = np.unique(order, axis=0, return_inverse=True)  # at most six
+    sorting = np.eye(3)[kinds].swapaxes(1, 2)
+    sorting[:, :, 2] *= np.linalg.det(sorting)[:, None]
+    unsort = Rotation.from_matrix(sorting.swapaxes(1, 2)).as_quat(scalar_first=True)
+    kind = kind.reshape(-1)
+    return order.astype(np.int32), sorting[kind], unsort[kind]

@@ -346,19 +346,26 @@ def _departure_from_identity(f):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def axes_slice(part, parts, deformation, rest_axes, turned, previous, rest_quats, rest_scales, quats, scales):
+def axes_slice(
+    part, parts, deformation, rest_axes, order, unsort, turned, previous, rest_quats, rest_scales, quats, scales
+):
     """Scales and quaternions of Sigma' = G G^T, G = F R_0 S_0, with axes that follow those of the frame before.
 
     One-sided Jacobi (Hestenes): G V has orthogonal columns, whose lengths are the scales and whose directions are the
     axes. V starts from the frame before, so the columns start nearly orthogonal and keep their identity, and equal
     scales leave V as it is. It never squares the scales: the smallest keeps its relative accuracy however thin the
-    Gaussian is (Demmel and Veselic 1992), where an eigen-decomposition of Sigma' loses it.
+    Gaussian is (Demmel and Veselic 1992), where an eigen-decomposition of Sigma' loses it. Inside, the columns are
+    sorted by length at rest, and the longest is cleared from the others first: else what little of it two short
+    columns of equal length share would turn them about.
 
     Args:
         part: which of the ``parts`` equal slices of the blocks to do.
         parts: number of slices.
         deformation: [N, 9] float32.
-        rest_axes: R_0 S_0 / s and the length s (the largest scale), blocked, 10 components.
+        rest_axes: R_0 S_0 / s with the longest column first, a proper basis, and the largest scale s; blocked, 10
+            components.
+        order: scale of the input that each sorted column is, [N, 3] int32.
+        unsort: quaternion that takes sorted axes back to the input's order, blocked, 4 components.
         turned: in and out, V, blocked, 9 components.
         previous: in and out, quaternion of the frame before, blocked, 4 components.
         rest_quats: [N, 4] float32, given back as they are where F = 1 and V = 1.
@@ -394,7 +401,13 @@ def axes_slice(part, parts, deformation, rest_axes, turned, previous, rest_quats
         length_a, a = _unit(a)
         length_b, b = _unit(b)
         length_c, c = _unit(c)
-        w, x, y, z = _quaternion(a, b, c)
+        sw, sx, sy, sz = _quaternion(a, b, c)
+        uw, ux, uy = _load3(unsort, 64 * block)
+        uz = load16(unsort, 64 * block + 48)
+        w = sw * uw - sx * ux - sy * uy - sz * uz
+        x = sw * ux + sx * uw + sy * uz - sz * uy
+        y = sw * uy - sx * uz + sy * uw + sz * ux
+        z = sw * uz + sx * uy - sy * ux + sz * uw
         pw, px, py = _load3(previous, 64 * block)
         pz = load16(previous, 64 * block + 48)
         flip = w * pw + x * px + y * py + z * pz < zero
@@ -416,5 +429,6 @@ def axes_slice(part, parts, deformation, rest_axes, turned, previous, rest_quats
             for k in range(4):
                 quats[i, k] = rest_quats[i, k] if rest else rows[16 * lane + k]
             for k in range(3):
-                scales[i, k] = rest_scales[i, k] if rest else rows[16 * lane + 4 + k]
+                column = order[i, k]
+                scales[i, column] = rest_scales[i, column] if rest else rows[16 * lane + 4 + k]
     restore_float_state(state)

@@ -174,8 +174,9 @@ def _nearest(
     Where there are fewer members the last columns repeat the nearest one at an infinite distance (weight 0).
     """
     asked = min(count + _TIE_MARGIN, len(members))
-    distance, index = KDTree(positions[members]).query(points, k=np.arange(1, asked + 1), workers=workers)
-    particle = members[index]
+    found, index = KDTree(positions[members]).query(points, k=asked, workers=workers)
+    distance = np.reshape(found, (len(points), asked))
+    particle = members[np.reshape(index, (len(points), asked))]
     order = np.lexsort((particle, distance), axis=1)[:, :count]
     distance = np.take_along_axis(distance, order, 1)
     particle = np.take_along_axis(particle, order, 1)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from phys4dgen.animate.kernels import polar_slice
 from phys4dgen.animate.slices import run_slices
 from phys4dgen.errors import StageError
+from phys4dgen.types.checks import frozen
 
 __all__ = ["STRETCH_LIMITS", "checked_limits", "polar_and_limited"]
 
@@ -50,14 +51,15 @@ def polar_and_limited(
         threads: of the kernel.
 
     Returns:
-        R and limited F, both [count, 9], float32; F itself where it lies inside the limits.
+        R and limited F, both [count, 9], float32, the latter read-only; F itself where it lies inside the limits.
 
     Raises:
         StageError: ``deformation`` has another shape.
     """
     if np.shape(deformation) != (count, 3, 3):
         raise StageError(f"deformation: expected shape ({count}, 3, 3), got {np.shape(deformation)}.")
-    matrices = np.ascontiguousarray(deformation, np.float32).reshape(count, 9)
+    # Read-only, whatever the caller's array is: Numba compiles one specialisation, not one per writeability.
+    matrices = frozen(np.ascontiguousarray(deformation, np.float32).reshape(count, 9))
     rotations = np.zeros((count, 9), np.float32)
     overstretched = np.zeros(count, np.bool_)
     run_slices(polar_slice, matrices, *limits, rotations, overstretched, threads=threads)
@@ -67,7 +69,8 @@ def polar_and_limited(
         orientation = np.where(np.linalg.det(left) * np.linalg.det(right) < 0, -1.0, 1.0)
         left[:, :, 2] *= orientation[:, None]
         values[:, 2] *= orientation
-        matrices = matrices.copy()
-        matrices[rows] = ((left * np.clip(values, *limits)[:, None, :]) @ right).reshape(-1, 9)
+        limited = matrices.copy()
+        limited[rows] = ((left * np.clip(values, *limits)[:, None, :]) @ right).reshape(-1, 9)
+        matrices = frozen(limited)
         rotations[rows] = (left @ right).reshape(-1, 9)
     return rotations, matrices
