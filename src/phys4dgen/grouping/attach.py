@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from phys4dgen.grouping.supervoxels import LIGHTNESS_WEIGHT
 from phys4dgen.types import Frame, Gaussians
@@ -38,7 +38,7 @@ def attach(
     core = np.flatnonzero(patch >= 0)
     label = part_of_patch[patch[core]]
     part_count = int(part_of_patch.max()) + 1
-    tree = cKDTree(gaussians.means[core])
+    tree = KDTree(gaussians.means[core])
     neighbours = tree.query(gaussians.means[core], min(_NEIGHBOURS + 1, len(core)))[1].reshape(len(core), -1)
     # A point is its own first neighbour: one vote of its own comes from there.
     votes = np.ones(neighbours.shape)
@@ -65,7 +65,7 @@ def _follow(
     part = np.zeros(len(rest), np.int64)
     for candidate in np.unique(label):
         members = core[label == candidate]
-        distance, near = cKDTree(gaussians.means[members]).query(
+        distance, near = KDTree(gaussians.means[members]).query(
             gaussians.means[rest], min(_ATTACH_NEIGHBOURS, len(members))
         )
         distance, near = distance.reshape(len(rest), -1), near.reshape(len(rest), -1)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from phys4dgen.grouping.surface_color import SurfaceColor
 from phys4dgen.types import Gaussians
@@ -74,7 +74,7 @@ def core_gaussians(gaussians: Gaussians, surface: SurfaceColor, radius: float) -
         core = np.arange(len(gaussians))
     if len(core) <= 8:
         return core
-    distance = cKDTree(gaussians.means[core]).query(gaussians.means[core], 9)[0][:, 8]
+    distance = KDTree(gaussians.means[core]).query(gaussians.means[core], 9)[0][:, 8]
     return core[distance <= 4 * np.median(distance)]
 
 
@@ -93,7 +93,7 @@ def supervoxels(
     points = gaussians.means[core].astype(np.float64)
     k = min(_NEIGHBOURS, len(core) - 1)
     # A lone Gaussian is its own neighbour.
-    found = cKDTree(points).query(points, k + 1)[1].reshape(len(core), -1)
+    found = KDTree(points).query(points, k + 1)[1].reshape(len(core), -1)
     neighbours = np.ascontiguousarray(found[:, 1:] if k else found, np.int32)
     raw = srgb_to_lab(surface.rgb[core]) * [LIGHTNESS_WEIGHT, 1, 1]
     smooth = _neighbourhood_median(raw, neighbours, gaussians.opacities[core] + 0.02)
@@ -101,7 +101,7 @@ def supervoxels(
     patch = _grow_patches(neighbours, points, smooth, seeds, 1 / width**2, 1 / _COLOR_SCALE**2)
     reached = patch >= 0
     if not reached.all():  # a clump without a seed, apart from all others in the graph
-        patch[~reached] = patch[reached][cKDTree(points[reached]).query(points[~reached])[1]]
+        patch[~reached] = patch[reached][KDTree(points[reached]).query(points[~reached])[1]]
     patch = np.unique(patch, return_inverse=True)[1]
     return _describe(core, patch, neighbours, points, smooth, raw, surface, radius)
 

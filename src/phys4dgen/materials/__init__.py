@@ -1,0 +1,24 @@
+"""What each part is made of (Paper: Sec. 3.4): the library, the rule table, and who has the last word."""
+
+from phys4dgen.materials.book import RUNNABLE_LAWS, assemble_book, library_warnings, parse_choices, runnable_law
+from phys4dgen.materials.library import KNOWN_LAWS, LibraryEntry, find_entry, library, material
+from phys4dgen.materials.materials_yaml import read_materials, write_materials
+from phys4dgen.materials.rules import RULES, Rule, identify_by_rules
+
+__all__ = [
+    "KNOWN_LAWS",
+    "RULES",
+    "RUNNABLE_LAWS",
+    "LibraryEntry",
+    "Rule",
+    "assemble_book",
+    "find_entry",
+    "identify_by_rules",
+    "library",
+    "library_warnings",
+    "material",
+    "parse_choices",
+    "read_materials",
+    "runnable_law",
+    "write_materials",
+]
