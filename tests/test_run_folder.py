@@ -10,16 +10,30 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from phys4dgen.errors import RunError, SceneError
 from phys4dgen.progress import SILENT
+from phys4dgen.run.artefacts import write_part_maps, write_views
 from phys4dgen.run.folder import RunFolder, finished_stages
 from phys4dgen.run.json_text import json_text
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import Report, part_reports
 from phys4dgen.run.stages import STAGES, stage_digests, stages_until
 from phys4dgen.scene import Scene
-from phys4dgen.types import SHEET, SOLID, Continuum, Material, MaterialBook, PartMaterials, Parts
+from phys4dgen.types import (
+    SHEET,
+    SOLID,
+    Camera,
+    Continuum,
+    Frame,
+    Masks,
+    Material,
+    MaterialBook,
+    PartMaterials,
+    Parts,
+    Views,
+)
 
 
 @pytest.fixture
@@ -176,6 +190,29 @@ def test_json_has_no_nan_and_takes_numpy():
         {"a": np.float32(0.5), "b": np.array([1.0, np.nan]), "c": float("inf"), "d": Path("x/y"), "e": (1, True)}
     )
     assert json.loads(text) == {"a": 0.5, "b": [1.0, None], "c": None, "d": "x/y", "e": [1, True]}
+
+
+def test_views_and_part_maps_read_back_from_pictures(tmp_path, scene):
+    rng = np.random.default_rng(0)
+    camera = Camera(viewmat=np.eye(4), K=np.diag([10.0, 10.0, 1.0]), width=6, height=4)
+    views = Views(
+        cameras=(camera,) * 2,
+        rgb=rng.uniform(0, 1, (2, 4, 6, 3)),
+        alpha=rng.uniform(0, 1, (2, 4, 6)),
+        depth=rng.uniform(0, 3, (2, 4, 6)),
+    )
+    labels = rng.integers(-1, 4, (2, 4, 6))
+    with RunFolder(tmp_path / "run").claim(digests(scene)) as run:
+        write_views(run, views, frame=Frame(rotation=np.eye(3), metres_per_unit=0.5))
+        write_part_maps(run, Masks(labels=labels))
+    facts = json.loads(run.cameras_json.read_text())
+    assert [entry["name"] for entry in facts["cameras"]] == ["view_00", "view_01"]
+    assert facts["cameras"][1]["viewmat"] == np.eye(4).tolist()
+    depth = np.asarray(Image.open(run.views / "view_01_depth.png")).astype(float) * facts["depth_step"]
+    np.testing.assert_allclose(depth, views.depth[1], atol=facts["depth_step"])
+    rgb = np.asarray(Image.open(run.views / "view_00_rgb.png")) / 255
+    np.testing.assert_allclose(rgb, views.rgb[0], atol=0.5 / 255 + 1e-6)
+    np.testing.assert_array_equal(np.asarray(Image.open(run.views / "view_01_parts.png")).astype(int) - 1, labels[1])
 
 
 def material(density_kgm3):
