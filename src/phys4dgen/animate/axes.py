@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from phys4dgen.animate.kernels import axes_slice, blocked
+from phys4dgen.animate.axes_kernel import axes_slice
+from phys4dgen.animate.kernels import blocked
 from phys4dgen.animate.slices import run_slices
 from phys4dgen.animate.stretch import STRETCH_LIMITS, checked_limits, polar_and_limited
 from phys4dgen.types import Gaussians, rotation_from_quats
