@@ -68,6 +68,7 @@ HOSTILE = {
     "endless count": ("a.ply", GOOD.replace(VERTEX, b"element vertex " + b"9" * 5000), "number of rows"),
     "negative count": ("a.ply", GOOD.replace(VERTEX, b"element vertex -5"), "got '-5'"),
     "count in words": ("a.ply", GOOD.replace(VERTEX, b"element vertex many"), "got 'many'"),
+    "count in another script": ("a.ply", GOOD.replace(VERTEX, b"element vertex \xb2"), "number of rows"),
     "count of one too many": ("a.ply", GOOD.replace(VERTEX, b"element vertex 9"), "enough for 8"),
     "no Gaussians": ("a.ply", GOOD.replace(VERTEX, b"element vertex 0"), "0 Gaussians"),
     "huge ascii count": ("a.ply", ply_bytes(RAW, encoding="ascii", count=10**12), "promises 1000000000000"),
