@@ -148,52 +148,40 @@ class Blade:
         return self.area_m2 * self.thickness_m
 
     def sample(self, spacing_m: float, rng: np.random.Generator) -> Patch:
-        """Both faces, the margin and a sparse filling between; ``coords`` = (u, x / w(u), face).
+        """Both faces, a sparse filling between them and the margin; ``coords`` = (u, x / w(u), face).
 
         Args:
             spacing_m: distance between neighbours on a face.
             rng: for the jitter that hides the rows.
         """
-        t = self.thickness_m
-        layers = [self._layer(side * t / 2, side, spacing_m, rng) for side in (1.0, -1.0)]
-        filling = self._layer(0.0, 1.0, 2.2 * spacing_m, rng)
-        depth = rng.uniform(-0.45, 0.45, len(filling)) * t
-        layers.append(
-            Patch(
-                points=filling.points + depth[:, None] * filling.normals,
-                normals=filling.normals * np.where(depth >= 0, 1.0, -1.0)[:, None],
-                tangents=filling.tangents,
-                sigmas=np.minimum(filling.sigmas, OVERLAP * spacing_m),  # as small as on the faces: stays inside
-                coords=filling.coords * np.array([1, 1, 0]) + np.where(depth >= 0, 1.0, -1.0)[:, None] * [0, 0, 1],
-            )
-        )
-        layers += [self._margin(side, offset * t, spacing_m) for side in (1.0, -1.0) for offset in (-0.25, 0.25)]
-        return joined(layers)
+        half = self.thickness_m / 2
+        faces = [self._layer(side * half, spacing_m, rng) for side in (1.0, -1.0)]
+        filling = self._layer(None, 2.2 * spacing_m, rng)
+        # As small as on the faces, so that the filling stays within the outline.
+        small = np.minimum(filling.sigmas, OVERLAP * spacing_m)
+        filling = Patch(filling.points, filling.normals, filling.tangents, small, filling.coords)
+        margin = [self._margin(side, offset * half, spacing_m) for side in (1.0, -1.0) for offset in (-0.5, 0.5)]
+        return joined([*faces, filling, *margin])
 
-    def _layer(self, offset_m: float, side: float, spacing_m: float, rng: np.random.Generator) -> Patch:
+    def _layer(self, offset_m: float | None, spacing_m: float, rng: np.random.Generator) -> Patch:
+        """Rows of Gaussians at a distance from the mid-surface, or (None) anywhere between the faces."""
         u_row, step = self._rows(spacing_m)
-        width = 2 * self.half_width(u_row)
-        counts = np.maximum(1, np.round(width / spacing_m)).astype(np.int64)
+        counts = np.maximum(1, np.round(2 * self.half_width(u_row) / spacing_m)).astype(np.int64)
         row, place = ragged_rows(counts)
-        v = 2 * staggered(row, place, counts) - 1
-        v += rng.uniform(-0.12, 0.12, len(v)) / counts[row]
-        u = np.clip(u_row[row] + rng.uniform(-0.06, 0.06, len(v)) / len(u_row), 0, 1)
-        width_u = self.half_width(u)
+        v = 2 * staggered(row, place, counts) - 1 + rng.uniform(-0.12, 0.12, len(row)) / counts[row]
+        u = np.clip(u_row[row] + rng.uniform(-0.06, 0.06, len(row)) / len(u_row), 0, 1)
+        width = self.half_width(u)
         # The outermost Gaussians stay clear of the margin, which has its own: a smooth outline, no teeth.
-        x = v * np.maximum(width_u - 0.45 * spacing_m, 0.5 * width_u)
-        tangent, normal = self.frame(u, x)
-        sigmas = np.stack(
-            [
-                np.full(len(u), OVERLAP * step),
-                OVERLAP * width[row] / counts[row],
-                np.full(len(u), self.thickness_m / 10),
-            ],
-            1,
-        )
-        points = self.mid_surface(u, x) + offset_m * normal
-        return Patch(points, side * normal, tangent, sigmas, np.stack([u, v, np.full(len(u), side)], 1))
+        x = v * np.maximum(width - 0.45 * spacing_m, 0.5 * width)
+        thick = np.full(len(u), self.thickness_m)
+        offset = rng.uniform(-0.45, 0.45, len(u)) * thick if offset_m is None else np.full(len(u), offset_m)
+        across = 2 * self.half_width(u_row)[row] / counts[row]
+        tangent, _ = self.frame(u, x)
+        sigmas = np.stack([np.full(len(u), OVERLAP * step), OVERLAP * across, thick / 10], 1)
+        return self._placed(u, x, offset, tangents=tangent, sigmas=sigmas, v=v)
 
     def _margin(self, side: float, offset_m: float, spacing_m: float) -> Patch:
+        """A row of Gaussians just inside the outline on one side (+1 or -1), drawn out along it."""
         fine = np.linspace(0, 1, 600)
         edge = self.mid_surface(fine, side * self.half_width(fine))
         arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(edge, axis=0), axis=1))])
@@ -201,18 +189,21 @@ class Blade:
         u = np.interp((np.arange(count) + 0.5) / count * arc[-1], arc, fine)
         inset = 0.3 * spacing_m
         x = side * np.maximum(self.half_width(u) - inset, 0.1 * inset)
+        ends = [np.clip(u + step, 0, 1) for step in (1e-3, -1e-3)]
+        ahead, behind = (self.mid_surface(end, side * self.half_width(end)) for end in ends)
         _, normal = self.frame(u, x)
-        ahead = np.minimum(u + 1e-3, 1.0)
-        behind = np.maximum(u - 1e-3, 0.0)
-        run = self.mid_surface(ahead, side * self.half_width(ahead)) - self.mid_surface(
-            behind, side * self.half_width(behind)
-        )
+        run = ahead - behind
         run -= (run * normal).sum(1, keepdims=True) * normal
         run /= np.linalg.norm(run, axis=1, keepdims=True)
         sigmas = np.tile([OVERLAP * spacing_m, 0.28 * spacing_m, self.thickness_m / 8], (count, 1))
-        face = np.full(count, np.sign(offset_m))
-        coords = np.stack([u, np.full(count, side), face], 1)
-        return Patch(self.mid_surface(u, x) + offset_m * normal, face[:, None] * normal, run, sigmas, coords)
+        return self._placed(u, x, np.full(count, offset_m), tangents=run, sigmas=sigmas, v=np.full(count, side))
+
+    def _placed(self, u: Array, x: Array, offset_m: Array, *, tangents: Array, sigmas: Array, v: Array) -> Patch:
+        """Samples at a signed distance from the mid-surface, each facing the side that it is on."""
+        _, normal = self.frame(u, x)
+        face = np.where(offset_m >= 0, 1.0, -1.0)
+        points = self.mid_surface(u, x) + offset_m[:, None] * normal
+        return Patch(points, face[:, None] * normal, tangents, sigmas, np.stack([u, v, face], 1))
 
     def _rows(self, spacing_m: float) -> tuple[Array, float]:
         """Values of u at the middle of rows of equal length along the midrib, and that length."""
@@ -234,11 +225,11 @@ class Blade:
         found = np.zeros(len(points), bool)
         margin = self.thickness_m + 0.002
         near = np.flatnonzero(((points > tree.mins - margin) & (points < tree.maxes + margin)).all(1))
-        distance, node = tree.query(points[near], distance_upper_bound=0.006 + self.thickness_m)
+        distance, node = tree.query(points[near], distance_upper_bound=0.0035 + self.thickness_m)
         reached = np.isfinite(distance)
         near, node = near[reached], np.asarray(node)[reached]
         p, u, x = points[near], u0[node], x0[node]
-        for _ in range(6):
+        for _ in range(4):
             along, across = self.derivatives(u, x)
             gap = p - self.mid_surface(u, x)
             aa, ab, bb = (along * along).sum(1), (along * across).sum(1), (across * across).sum(1)
