@@ -13,10 +13,12 @@ import pytest
 from PIL import Image
 
 from phys4dgen.errors import RunError, SceneError
+from phys4dgen.formats import save_gaussians
 from phys4dgen.progress import SILENT
 from phys4dgen.run.artefacts import write_part_maps, write_views
 from phys4dgen.run.folder import RunFolder, finished_stages
 from phys4dgen.run.json_text import json_text
+from phys4dgen.run.prediction import predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import Report, part_reports
 from phys4dgen.run.stages import STAGES, stage_digests, stages_until
@@ -262,3 +264,15 @@ def test_the_report_puts_warnings_first_and_times_each_stage():
     assert report["versions"]["python"] == ".".join(map(str, sys.version_info[:3]))
     assert str(os.cpu_count()) in report["versions"]["platform"]
     json_text(report)
+
+
+@pytest.mark.parametrize("sh_degree", [0, 2])
+def test_the_predicted_size_is_that_of_the_files(tmp_path, scene, random_gaussians, sh_degree):
+    gaussians = random_gaussians(2000, sh_degree=sh_degree)
+    scene = scene.with_overrides({"views.size_px": 64, "output.video.width": 64, "simulation.duration_s": 1.0})
+    save_gaussians(gaussians, tmp_path / "frame.ply")
+    frame = (tmp_path / "frame.ply").stat().st_size
+    expected = 25 * frame + 24 * 2000 * 48
+    assert predicted_bytes(scene, gaussians) == pytest.approx(expected, rel=0.1)
+    small = scene.with_overrides({"output.frames": "none", "output.trajectory": False})
+    assert predicted_bytes(small, gaussians) < 0.2 * expected

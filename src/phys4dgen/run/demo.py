@@ -26,4 +26,5 @@ def prepare_demo(out: Path | str, *, seed: int = 0) -> Scene:
     splat, labels = folder.input / "potted_flower.ply", folder.input / "potted_flower_labels.npz"
     save_gaussians(flower.gaussians, splat)
     folder.write_npz(labels, {"labels": flower.labels, "names": np.array(flower.part_names)})
-    return Scene.model_validate({"input": splat, "grouping": {"labels_file": labels}, **flower.default_scene})
+    scene = Scene.model_validate({"input": splat, **flower.default_scene})
+    return scene.with_overrides({"grouping.labels_file": labels})
