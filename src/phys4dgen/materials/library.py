@@ -14,7 +14,7 @@ from phys4dgen.errors import MaterialError, did_you_mean
 from phys4dgen.types import Material
 from phys4dgen.yaml12 import parse_yaml
 
-__all__ = ["KNOWN_LAWS", "LibraryEntry", "Quantity", "find_entry", "library", "material"]
+__all__ = ["KNOWN_LAWS", "LibraryEntry", "Quantity", "find_entry", "library_entries", "material"]
 
 Law = Literal["neo_hookean", "fixed_corotated", "von_mises", "drucker_prager", "snow", "viscoplastic", "fluid"]
 KNOWN_LAWS: tuple[str, ...] = get_args(Law)
@@ -79,7 +79,7 @@ class LibraryEntry(_Frozen):
 
 
 @cache
-def library() -> Mapping[str, LibraryEntry]:
+def library_entries() -> Mapping[str, LibraryEntry]:
     """All entries by their own name, in the order of the file."""
     text = resources.files("phys4dgen.materials").joinpath("library.yaml").read_text(encoding="utf-8")
     rows = parse_yaml(text, source="library.yaml").value
@@ -89,13 +89,15 @@ def library() -> Mapping[str, LibraryEntry]:
 @cache
 def _names() -> Mapping[str, str]:
     """Own name of the entry for every name and alias."""
-    return MappingProxyType({word: name for name, entry in library().items() for word in (name, *entry.aliases)})
+    return MappingProxyType(
+        {word: name for name, entry in library_entries().items() for word in (name, *entry.aliases)}
+    )
 
 
 def find_entry(name: str) -> LibraryEntry | None:
     """Entry of that name or alias, whatever its capitals, spaces and hyphens; None where there is none."""
     own = _names().get("_".join(name.lower().replace("-", " ").split()))
-    return None if own is None else library()[own]
+    return None if own is None else library_entries()[own]
 
 
 def material(name: str) -> Material:
@@ -106,6 +108,6 @@ def material(name: str) -> Material:
     """
     entry = find_entry(name)
     if entry is None:
-        hint = did_you_mean(name, _names()) or f" Known materials: {', '.join(library())}."
+        hint = did_you_mean(name, _names()) or f" Known materials: {', '.join(library_entries())}."
         raise MaterialError(f"material '{name}': the library has no material of this name.{hint}")
     return entry.material()

@@ -14,7 +14,7 @@ from typing import Any
 from phys4dgen.errors import FormatError, MaterialError, did_you_mean
 from phys4dgen.formats.atomic import atomic_path
 from phys4dgen.materials.book import library_warnings, runnable_law
-from phys4dgen.materials.library import KNOWN_LAWS, find_entry, library
+from phys4dgen.materials.library import KNOWN_LAWS, find_entry, library_entries
 from phys4dgen.types import Material, MaterialBook, PartMaterials
 from phys4dgen.yaml12 import YamlDocument, YamlPath, format_yaml, read_yaml
 
@@ -161,7 +161,7 @@ class _Reader:
 
     def _suggestion(self, name: str) -> str:
 
-        words = [word for entry in library().values() for word in (entry.name, *entry.aliases)]
+        words = [word for entry in library_entries().values() for word in (entry.name, *entry.aliases)]
         return did_you_mean(name, words)
 
     def _text(self, row: Mapping[Any, Any], key: str, at: YamlPath) -> str:
