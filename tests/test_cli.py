@@ -41,11 +41,11 @@ def test_everyday_flags_set_keys_of_the_scene():
 
 def test_every_key_of_the_scene_is_a_flag():
     scene = scene_of(
-        "--simulation.max-substeps=300", "--output.trajectory", "false", "--output.video.elevation-deg", "-5",
+        "--simulation.max-substeps=300", "--output.frames", "none", "--output.video.elevation-deg", "-5",
         "--parts.my-pot.thickness-m", "0.004", "--forces", "[{part: part_1, value_ms2: [3, 0, 0], to_s: 0.3}]",
     )  # fmt: skip
     assert scene.simulation.max_substeps == 300
-    assert scene.output.trajectory is False
+    assert scene.output.frames == "none"
     assert scene.output.video.elevation_deg == -5
     assert scene.parts["my-pot"].thickness_m == 0.004
     assert scene.forces[0].value_ms2 == (3, 0, 0)

@@ -45,7 +45,10 @@ def scenes(draw):
             "forces": tuple(
                 {"part": name, "value_ms2": draw(VECTORS), "from_s": start, "to_s": start + 1} for name in parts
             ),
-            "output": {"trajectory": draw(st.booleans()), "video": {"height": draw(st.just("auto") | st.just(480))}},
+            "output": {
+                "frames": draw(st.sampled_from(["ply", "none"])),
+                "video": {"height": draw(st.just("auto") | st.just(480))},
+            },
         }
     )
 
@@ -92,7 +95,7 @@ def test_paths_are_taken_from_the_folder_of_the_file(tmp_path):
         ("motion: {wind: [1, 2]}", "motion.wind: expected 'auto' or three numbers such as [1, 0, 0], got [1, 2]."),
         ("parts: {pot: {hold: fxed}}", "expected 'auto', 'fixed' or 'free', got 'fxed'. Did you mean 'fixed'?"),
         ("parts: {pot: {holt: fixed}}", "'parts.pot.holt' is not a key of a scene. Did you mean 'hold'?"),
-        ("output: {trajectory: yes}", "output.trajectory: expected true or false, got 'yes'."),
+        ("output: {frames: yes}", "output.frames: expected 'ply' or 'none', got 'yes'."),
         ("forces: [{part: a, value_ms2: [1, 0, 0]}]", "'forces.0.to_s' is missing; add it."),
         ("forces: [{value_ms2: [1, 0, 0], from_s: 2, to_s: 1}]", "forces.0: to_s must be later than from_s"),
         ("forces: 3", "forces: expected a list, got 3."),

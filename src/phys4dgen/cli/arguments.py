@@ -61,7 +61,6 @@ _PREVIEW: dict[str, Any] = {
     "simulation.fps": 12.0,
     "views.size_px": 256,
     "output.frames": "none",
-    "output.trajectory": False,
     "output.video.width": 400,
 }
 """What ``--preview`` sets."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.export.pictures import write_png
+from phys4dgen.interior import Interior
+from phys4dgen.interior.bridge import BridgeReport
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.types import Continuum, Frame, Masks, Parts, Views
 
-__all__ = ["write_continuum", "write_groups", "write_part_maps", "write_views"]
+__all__ = ["read_groups", "read_interior", "write_groups", "write_interior", "write_part_maps", "write_views"]
 
 _DEPTH_STEPS = 65535
 """Depth is stored in 16-bit PNGs, which every image library reads."""
@@ -67,25 +70,47 @@ def write_groups(run: RunFolder, parts: Parts, *, votes: NDArray[Any] | None = N
         votes: votes per Gaussian and part, shape [N, G], where the grouping took votes over views.
         visible: seen in at least one view, shape [N], bool, where views were used.
     """
-    arrays = {"labels": parts.labels, "names": np.array(parts.names)}
+    arrays = {"labels": parts.labels, "names": np.array(parts.names), "backend": np.array(parts.backend)}
     optional = {"votes": votes, "visible": visible}
     run.write_npz(run.groups_npz, {**arrays, **{name: array for name, array in optional.items() if array is not None}})
 
 
-def write_continuum(run: RunFolder, continuum: Continuum) -> None:
-    """Write ``continuum.npz``: the simulated particles, positions float32 in input coordinates."""
-    run.write_npz(
-        run.continuum_npz,
-        {
-            "positions": continuum.positions.astype(np.float32),
-            "group": continuum.part,
-            "is_interior": continuum.is_interior,
-            "volume_m3": continuum.volume_m3,
-            "gaussian_index": continuum.gaussian_index,
-            "piece": continuum.piece,
-            "shape": continuum.shape,
-            "thickness_m": continuum.thickness_m,
-        },
+def read_groups(run: RunFolder) -> Parts:
+    """Read ``groups.npz`` back."""
+    with np.load(run.groups_npz, allow_pickle=False) as arrays:
+        backend = str(arrays["backend"]) if "backend" in arrays else "file"
+        return Parts(arrays["labels"], tuple(str(name) for name in arrays["names"]), backend)
+
+
+def write_interior(run: RunFolder, interior: Interior) -> None:
+    """Write ``continuum.npz``: the particles, positions float32 in input coordinates, and what discovery reported."""
+    continuum = interior.continuum
+    particles = {field.name: getattr(continuum, field.name) for field in fields(continuum)}
+    particles["group"] = particles.pop("part")
+    particles["positions"] = continuum.positions.astype(np.float32)
+    facts = {
+        "solid_voxels": interior.solid_voxels,
+        "agreement": interior.agreement,
+        "density_threshold": interior.density_threshold,
+        **{f"bridges_{name}": value for name, value in asdict(interior.bridges).items()},
+    }
+    run.write_npz(run.continuum_npz, {name: np.asarray(value) for name, value in {**particles, **facts}.items()})
+
+
+def read_interior(run: RunFolder) -> Interior:
+    """Read ``continuum.npz`` back."""
+    with np.load(run.continuum_npz, allow_pickle=False) as archive:
+        arrays = dict(archive)
+    arrays["part"] = arrays.pop("group")
+    names = [field.name for field in fields(Continuum)]
+    continuum = Continuum(**{n: arrays[n].item() if arrays[n].ndim == 0 else arrays[n] for n in names})
+    bridges = BridgeReport(**{f.name: arrays[f"bridges_{f.name}"].item() for f in fields(BridgeReport)})
+    return Interior(
+        continuum,
+        bridges,
+        solid_voxels=arrays["solid_voxels"].item(),
+        agreement=arrays["agreement"].item(),
+        density_threshold=arrays["density_threshold"].item(),
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import logging
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,11 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import RunError
+from phys4dgen.export.frames import frame_path
 from phys4dgen.formats.atomic import atomic_path
 from phys4dgen.run.json_text import json_text
 from phys4dgen.run.lock import FolderLock
 from phys4dgen.run.log import JsonLinesHandler
 from phys4dgen.run.stages import STAGES
+from phys4dgen.scene import Scene
 
 __all__ = ["RunFolder", "finished_stages"]
 
@@ -51,6 +53,7 @@ class RunFolder:
         self.continuum_npz = self.root / "continuum.npz"
         self.materials_yaml = self.root / "materials.yaml"
         self.trajectory_npz = self.root / "trajectory.npz"
+        self.motion_json = self.root / "motion.json"
         self.frames = self.root / "frames"
         self.video_mp4 = self.root / "video.mp4"
         self.preview_png = self.root / "preview.png"
@@ -62,6 +65,7 @@ class RunFolder:
         self._log_handler: logging.Handler | None = None
         self._digests: dict[str, str] = {}
         self._finished: dict[str, str] = {}
+        self._warnings: dict[str, list[str]] = {}
 
     # ------------------------------------------------------------------------------------------------ taking it
 
@@ -107,7 +111,7 @@ class RunFolder:
                 )
 
     def _take_over(self, digests: Mapping[str, str], *, overwrite: bool) -> None:
-        old, finished = _read_state(self._state_json)
+        old, finished, warnings = _read_state(self._state_json)
         changed = next((stage.name for stage in STAGES if old and old.get(stage.name) != digests[stage.name]), None)
         if changed is not None and not overwrite:
             what = "another input or other settings" if changed == STAGES[0].name else f"other settings of '{changed}'"
@@ -117,6 +121,7 @@ class RunFolder:
             )
         self._digests = dict(digests)
         self._finished = {name: digest for name, digest in finished.items() if self._digests.get(name) == digest}
+        self._warnings = {name: said for name, said in warnings.items() if name in self._finished}
         for leftover in self.root.rglob(".*.partial-*"):
             leftover.unlink(missing_ok=True)
         if changed is not None:
@@ -156,13 +161,40 @@ class RunFolder:
         """Whether ``stage`` ended with the input and settings of this run."""
         return self._finished.get(stage) == self._digests[stage]
 
-    def finish(self, stage: str) -> None:
-        """Record that all files of ``stage`` are written."""
+    def finish(self, stage: str, *, warnings: Sequence[str] = ()) -> None:
+        """Record that all files of ``stage`` are written, and what it warned of."""
         self._finished[stage] = self._digests[stage]
+        self._warnings[stage] = list(warnings)
         self._write_state()
 
+    def warnings_of(self, stage: str) -> Sequence[str]:
+        """What ``stage`` warned of when it ran; its result is still to be judged by it."""
+        return self._warnings.get(stage, ())
+
+    def missing(self, scene: Scene, stages: Sequence[str]) -> list[str]:
+        """Names of the files that ``stages`` of a scene owe and that are not there."""
+        owed = {
+            "views": [self.gaussians_ply, self.cameras_json],
+            "grouping": [self.groups_npz, self.parts_png],
+            "interior": [self.continuum_npz],
+            "materials": [self.materials_yaml],
+            "simulate": [self.trajectory_npz, self.motion_json],
+            "render": [self.preview_png, self.contact_sheet_png],
+        }
+        paths = [self.scene_yaml, self.report_json, *(path for stage in stages for path in owed[stage])]
+        if "render" in stages:
+            paths.append(self.video_mp4 if not self.video_mp4.with_suffix(".webp").is_file() else self.preview_png)
+            if scene.output.frames == "ply":
+                paths += [frame_path(self.frames, index) for index in range(scene.frame_count)]
+        return [path.relative_to(self.root).as_posix() for path in paths if not path.is_file()]
+
+    def read_report(self) -> dict[str, Any]:
+        """What report.json holds."""
+        return json.loads(self.report_json.read_text("utf-8"))
+
     def _write_state(self) -> None:
-        self.write_json(self._state_json, {"digests": self._digests, "finished": self._finished})
+        state = {"digests": self._digests, "finished": self._finished, "warnings": self._warnings}
+        self.write_json(self._state_json, state)
 
     # ------------------------------------------------------------------------------------------------- writing
 
@@ -200,16 +232,16 @@ def finished_stages(root: Path | str) -> list[str]:
     Raises:
         RunError: the state of the run is damaged.
     """
-    _, finished = _read_state(Path(root) / _STATE)
+    _, finished, _ = _read_state(Path(root) / _STATE)
     return [stage.name for stage in STAGES if stage.name in finished]
 
 
-def _read_state(path: Path) -> tuple[dict[str, str], dict[str, str]]:
-    """Digests by stage of the run in a folder: as begun, and as finished."""
+def _read_state(path: Path) -> tuple[dict[str, str], dict[str, str], dict[str, list[str]]]:
+    """Digests by stage of the run in a folder, as begun and as finished, and the warnings by stage."""
     if not path.is_file():
-        return {}, {}
+        return {}, {}, {}
     try:
         state = json.loads(path.read_text("utf-8"))
-        return dict(state["digests"]), dict(state["finished"])
+        return dict(state["digests"]), dict(state["finished"]), dict(state["warnings"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RunError(f"{path}: expected the state of a run, got a damaged file; choose another place.") from error

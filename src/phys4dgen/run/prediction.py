@@ -20,7 +20,7 @@ def predicted_bytes(scene: Scene, gaussians: Gaussians) -> int:
     n, coefficients = gaussians.sh.shape[:2]
     ply = n * 4 * (17 + 3 * (coefficients - 1))
     frames = scene.frame_count if scene.output.frames == "ply" else 0
-    trajectory = n * scene.frame_count * _TRAJECTORY_BYTES if scene.output.trajectory else 0
+    trajectory = n * scene.frame_count * _TRAJECTORY_BYTES
     views = _VIEW_COUNTS[scene.views.preset] * scene.views.size_px**2 * _VIEW_BYTES_PER_PIXEL
     video = scene.output.video
     height = video.width if isinstance(video.height, str) else video.height

@@ -30,11 +30,13 @@ class RecordingProgress:
         self.stages: list[StageTime] = []
         self.notes: list[str] = []
         self.warnings: list[str] = []
+        self.stage_warnings: list[str] = []
 
     def stage(self, name: str) -> None:
         """Close the stage before and begin ``name``."""
         self.end_stage()
         self.stages.append(StageTime(name))
+        self.stage_warnings = []
         self._began = time.perf_counter()
         _log.info("stage %s", name)
         self._inner.stage(name)
@@ -58,6 +60,8 @@ class RecordingProgress:
 
     def warn(self, text: str) -> None:
         """Keep and log a warning; the same words are said once."""
+        if text not in self.stage_warnings:
+            self.stage_warnings.append(text)
         if text not in self.warnings:
             self.warnings.append(text)
             _log.warning(text)

@@ -35,7 +35,7 @@ STAGES = (
     Stage("grouping", ("grouping",), ("groups.npz", "parts.png")),
     Stage("interior", ("interior", "parts", "simulation.grid"), ("continuum.npz",)),
     Stage("materials", ("materials",), ("materials.yaml",)),
-    Stage("simulate", ("motion", "forces", "gravity", "simulation"), ("trajectory.npz", "trajectory/*")),
+    Stage("simulate", ("motion", "forces", "gravity", "simulation"), ("trajectory.npz", "motion.json")),
     Stage("render", ("output",), ("frames/*", "video.mp4", "video.webp", "preview.png", "contact_sheet.png")),
 )
 """In the order in which they run."""

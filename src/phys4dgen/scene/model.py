@@ -211,6 +211,8 @@ class Simulation(_Section):
     """of the lowest mode (mass-proportional)"""
     max_substeps: Annotated[int, Field(ge=10, le=1_000_000)] = 1500
     """per frame: thin parts are thickened until they need no more"""
+    substep_limit: Annotated[int, Field(ge=10, le=10_000_000)] = 20_000
+    """per frame: a part that still needs more is refused; hold it or soften it"""
     threads: Auto | Annotated[int, Field(ge=1, le=1024)] = "auto"
     """auto: all cores; the result does not depend on it"""
     chunks: Annotated[int, Field(ge=1, le=1024)] = 8
@@ -239,8 +241,6 @@ class Output(_Section):
 
     frames: Literal["ply", "none"] = "ply"
     """ply: one complete 3DGS PLY per frame"""
-    trajectory: bool = True
-    """write trajectory.npz"""
     video: Video = Field(default_factory=Video)
 
 
