@@ -17,18 +17,18 @@ Z_UP = Frame(np.eye(3), 1.0)
 
 POT = PartFeatures(
     name="pot", lightness=80, chroma=6, hue_deg=80, foot=0, top=0.35, width=0.2, area_share=0.4, sheet_share=0.2,
-    rod_share=0, enclosed_by=(), encloses=("soil",), stands_on=(), carries=("leaves",),
+    rod_share=0, enclosed_by=(), encloses=("the soil",), stands_on=(), carries=("the leaves",),
 )  # fmt: skip
 SOIL = PartFeatures(
-    name="soil", lightness=20, chroma=10, hue_deg=60, foot=0.28, top=0.32, width=0.18, area_share=0.1, sheet_share=0,
-    rod_share=0, enclosed_by=("pot",), encloses=(), stands_on=(), carries=("leaves",),
+    name="the soil", lightness=20, chroma=10, hue_deg=60, foot=0.28, top=0.32, width=0.18, area_share=0.1,
+    sheet_share=0, rod_share=0, enclosed_by=("pot",), encloses=(), stands_on=(), carries=("the leaves",),
 )  # fmt: skip
 LEAVES = PartFeatures(
-    name="leaves", lightness=45, chroma=30, hue_deg=120, foot=0.3, top=1, width=0.4, area_share=0.5, sheet_share=0.9,
-    rod_share=0.05, enclosed_by=(), encloses=(), stands_on=("pot", "soil"), carries=(),
+    name="the leaves", lightness=45, chroma=30, hue_deg=120, foot=0.3, top=1, width=0.4, area_share=0.5,
+    sheet_share=0.9, rod_share=0.05, enclosed_by=(), encloses=(), stands_on=("pot", "the soil"), carries=(),
 )  # fmt: skip
-PETALS = replace(LEAVES, name="petals", lightness=55, chroma=60, hue_deg=350, foot=0.8)
-STEM = replace(LEAVES, name="stem", sheet_share=0.1, rod_share=0.8)
+PETALS = replace(LEAVES, name="the petals", lightness=55, chroma=60, hue_deg=350, foot=0.8)
+STEM = replace(LEAVES, name="the stem", sheet_share=0.1, rod_share=0.8)
 TRUNK = replace(
     LEAVES, name="trunk", lightness=40, chroma=20, hue_deg=65, top=0.6, width=0.06, sheet_share=0, rod_share=0
 )
@@ -83,6 +83,19 @@ def test_nothing_is_guessed_about_an_object_without_a_plant():
     assert concluded(figure, base) is None
 
 
+def test_the_heart_of_a_flower_lies_among_petals():
+    heart = replace(PETALS, name="the middle", area_share=0.01, sheet_share=0.1, enclosed_by=("the petals",))
+    assert concluded(heart, *PLANT, PETALS) == "parenchyma"
+    assert concluded(replace(heart, enclosed_by=()), *PLANT, PETALS) is None
+
+
+def test_a_telling_name_decides():
+    gaussians, parts = plant_parts(("terracotta", "soil", "Leaves"))
+    book = identify_by_rules(gaussians, parts, Z_UP)
+    assert [materials.surface.name for materials in book.parts.values()] == ["ceramic", "garden_soil", "leaf_blade"]
+    assert "rule 'name'" in book.parts["Leaves"].surface.warnings[0]
+
+
 def test_petals_need_green_beside_them():
     flag = replace(PETALS, stands_on=("pole",))
     pole = replace(TRUNK, name="pole", foot=0.0)
@@ -98,12 +111,12 @@ def test_without_a_continuum_no_part_is_taken_for_a_rod():
 def test_rules_name_library_materials_and_are_documented():
     assert len({rule.name for rule in RULES}) == len(RULES)
     for rule in RULES:
-        assert find_entry(rule.material) is not None
+        assert find_entry(rule.material or "soil") is not None
         assert 0 < rule.confidence < 1
         assert min(len(rule.says), len(rule.example), len(rule.counter_example)) > 10
 
 
-def plant_parts(names: tuple[str, ...] = ("pot", "soil", "leaves")):
+def plant_parts(names: tuple[str, ...] = ("pot", "dark", "green")):
     gaussians, truth = potted_plant()
     return gaussians, Parts(labels=truth, names=names, backend="file")
 
@@ -112,9 +125,9 @@ def test_features_of_a_potted_plant():
     gaussians, parts = plant_parts()
     pot, soil, leaves = part_features(gaussians, parts, Z_UP)
     assert pot.on_ground and not soil.on_ground and not leaves.on_ground
-    assert pot.encloses == ("soil",)
+    assert pot.encloses == ("dark",)
     assert soil.enclosed_by == ("pot",)
-    assert leaves.stands_on == ("pot", "soil")
+    assert leaves.stands_on == ("pot", "dark")
     assert pot.lightness > 75 and pot.chroma < 10
     assert soil.lightness < 25
     assert 100 < leaves.hue_deg < 150
@@ -168,12 +181,12 @@ def test_a_potted_plant_gets_its_materials():
         found = {name: materials.surface for name, materials in book.parts.items()}
         assert {name: chosen.name for name, chosen in found.items()} == {
             "pot": "ceramic",
-            "soil": "garden_soil",
-            "leaves": "leaf_blade",
+            "dark": "garden_soil",
+            "green": "leaf_blade",
         }
         assert all(chosen.source == "rule" and "confidence" in chosen.warnings[0] for chosen in found.values())
     rods = identify_by_rules(gaussians, parts, Z_UP, thin_continuum(parts, gaussians.means, (SOLID, SOLID, ROD)))
-    assert rods.parts["leaves"].surface.name == "herbaceous_stem"
+    assert rods.parts["green"].surface.name == "herbaceous_stem"
 
 
 def test_what_no_rule_knows_gets_neutral_values_and_a_warning():
@@ -200,6 +213,6 @@ def test_hanging_leaves_still_stand_on_their_pot():
     rgb = np.concatenate([np.tile([0.1, 0.1, 0.1], (len(pot), 1)), np.tile([0.2, 0.35, 0.15], (len(hanging), 1))])
     labels = np.repeat([0, 1], [len(pot), len(hanging)]).astype(np.int32)
     book = identify_by_rules(
-        from_points(points, rgb, size=0.01, seed=0), Parts(labels=labels, names=("pot", "palm"), backend="file"), Z_UP
+        from_points(points, rgb, size=0.01, seed=0), Parts(labels=labels, names=("pot", "fronds"), backend="file"), Z_UP
     )
-    assert [book.parts[name].surface.name for name in ("pot", "palm")] == ["polypropylene", "leaf_blade"]
+    assert [book.parts[name].surface.name for name in ("pot", "fronds")] == ["polypropylene", "leaf_blade"]

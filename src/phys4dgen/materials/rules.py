@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from phys4dgen.materials.features import PartFeatures, part_features
-from phys4dgen.materials.library import material
+from phys4dgen.materials.library import find_entry, material
 from phys4dgen.types import Continuum, Frame, Gaussians, Material, MaterialBook, PartMaterials, Parts
 
 __all__ = ["DEFAULT_SOLID", "DEFAULT_THIN", "RULES", "Rule", "default_material", "identify_by_rules", "matching_rule"]
@@ -26,7 +26,7 @@ class Rule:
     Attributes:
         name: short name for the report.
         says: the observation in words.
-        material: library name that it concludes.
+        material: library name that it concludes; empty for the part's own name.
         confidence: how often it is expected to be right where it applies, 0 to 1; an estimate, not a measurement.
         example: what it was made for.
         counter_example: what it would get wrong.
@@ -76,7 +76,22 @@ def _on_container(part: PartFeatures, others: Neighbours) -> bool:
     return any(_is_container(other, others) for other in below)
 
 
+def _is_petal(part: PartFeatures, others: Neighbours) -> bool:
+    strong_color = part.chroma > 25 and not 95 <= part.hue_deg <= 185 and not _is_brown(part)
+    has_leaves = any(_is_green(other) and _grows(other) for other in others.values())
+    return _grows(part) and strong_color and part.top > 0.5 and has_leaves
+
+
 RULES: tuple[Rule, ...] = (
+    Rule(
+        name="name",
+        says="a part that bears the name of a material, as the user or a file of labels gave it",
+        material="",
+        confidence=0.9,
+        example="parts called soil, leaves and petals",
+        counter_example="a part called glass that is a drinking glass of plastic",
+        applies=lambda part, others: find_entry(part.name) is not None,
+    ),
     Rule(
         name="soil",
         says="a dark part that is no leaf, enclosed by a pot",
@@ -159,13 +174,17 @@ RULES: tuple[Rule, ...] = (
         confidence=0.7,
         example="the petals of a carnation",
         counter_example="a paper flag on a green stick",
+        applies=_is_petal,
+    ),
+    Rule(
+        name="heart of a flower",
+        says="a small part enclosed by petals",
+        material="parenchyma",
+        confidence=0.5,
+        example="the yellow middle of a daisy",
+        counter_example="a glass bead or a bee on a flower",
         applies=lambda part, others: (
-            _grows(part)
-            and part.chroma > 25
-            and not 95 <= part.hue_deg <= 185
-            and not _is_brown(part)
-            and part.top > 0.5
-            and any(_is_green(other) and _grows(other) for other in others.values())
+            part.area_share < 0.1 and any(_is_petal(others[name], others) for name in part.enclosed_by)
         ),
     ),
     Rule(
@@ -221,7 +240,7 @@ def identify_by_rules(
     book: dict[str, PartMaterials] = {}
     for part in features:
         rule = matching_rule(part, others)
-        chosen = default_material(part) if rule is None else _concluded(rule)
+        chosen = default_material(part) if rule is None else _concluded(rule, part)
         book[part.name] = PartMaterials(surface=chosen, interior=chosen)
     return MaterialBook(book)
 
@@ -236,9 +255,9 @@ def default_material(part: PartFeatures) -> Material:
     return DEFAULT_THIN if part.is_thin else DEFAULT_SOLID
 
 
-def _concluded(rule: Rule) -> Material:
+def _concluded(rule: Rule, part: PartFeatures) -> Material:
     warning = (
         f"guessed by rule '{rule.name}' ({rule.says}; confidence {rule.confidence:g}); it would be wrong for "
         f"{rule.counter_example}"
     )
-    return replace(material(rule.material), source="rule", warnings=(warning,))
+    return replace(material(rule.material or part.name), source="rule", warnings=(warning,))
