@@ -28,6 +28,7 @@ class Continuum:
         piece: connected piece of the part (skinning never crosses pieces), shape [P], int32.
         shape: SOLID, SHEET or ROD, shape [P], int8.
         thickness_m: true thickness of the sheet or diameter of the rod at the particle, NaN in solids, shape [P].
+        thickness_measured: the thickness was read from the Gaussians (else it is a placeholder), shape [P], bool.
         offset_m: from the mid-surface or centre line to the particle, metres, z up axes, 0 in solids, shape [P, 3].
         spacing_m: distance between neighbouring particles that the seeding aimed at, metres.
     """
@@ -40,6 +41,7 @@ class Continuum:
     piece: NDArray[np.int32]
     shape: NDArray[np.int8]
     thickness_m: NDArray[np.float64]
+    thickness_measured: NDArray[np.bool_]
     offset_m: NDArray[np.float64]
     spacing_m: float
 
@@ -57,6 +59,7 @@ class Continuum:
             "piece": checked_array(self.piece, "piece", (p,), np.int32),
             "shape": checked_array(self.shape, "shape", (p,), np.int8),
             "thickness_m": checked_array(self.thickness_m, "thickness_m", (p,), np.float64, finite=False),
+            "thickness_measured": checked_array(self.thickness_measured, "thickness_measured", (p,), np.bool_),
             "offset_m": checked_array(self.offset_m, "offset_m", (p, 3), np.float64),
         }
         if not (checked["volume_m3"] > 0).all():

@@ -1,0 +1,220 @@
+"""From particles and materials to the body that the solver moves, with thin parts thickened to save time steps.
+
+A sheet of thickness t may be simulated at ts > t with density rho t / ts and Young's modulus E (t / ts)^3, a rod of
+diameter d at ds with rho (d / ds)^2 and E (d / ds)^4: mass per area or length and bending stiffness are kept, while
+the wave speed, which limits the time step, falls with t / ts. In-plane stiffness falls too; it stays far above the
+bending stiffness and is not seen. (PHYSICS.md 1.11, MOTION.md: measured.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.materials import runnable_law
+from phys4dgen.mpm import Body, LawId
+from phys4dgen.types import ROD, SHEET, SOLID, Continuum, Frame, MaterialBook, Parts
+
+__all__ = ["Assembly", "CappedPart", "PartThickening", "assemble_body"]
+
+_SHEET_LIMIT_CELLS = 1.0
+"""Sheets are never thickened past one grid cell: their layers would part (0.58 of the thickness between them)."""
+
+_ROD_LIMIT_CELLS = 1.7
+"""Rods: their strands stand half a diameter apart."""
+
+_LARGEST_CAPPED_STRAIN = 0.01
+
+_LAWS = {"neo_hookean": LawId.NEO_HOOKEAN, "fixed_corotated": LawId.FIXED_COROTATED}
+
+
+@dataclass(frozen=True)
+class PartThickening:
+    """How a part's thin particles differ from the truth (medians), for the report.
+
+    Attributes:
+        part: name.
+        true_mm: thickness of the sheet or diameter of the rod.
+        simulated_mm: the same as simulated.
+        true_youngs_modulus_pa: of the material.
+        simulated_youngs_modulus_pa: as simulated.
+        true_density_kgm3: of the material.
+        simulated_density_kgm3: as simulated.
+    """
+
+    part: str
+    true_mm: float
+    simulated_mm: float
+    true_youngs_modulus_pa: float
+    simulated_youngs_modulus_pa: float
+    true_density_kgm3: float
+    simulated_density_kgm3: float
+
+
+@dataclass(frozen=True)
+class CappedPart:
+    """A part whose thick regions are simulated softer than they are, because it cannot be seen (PHYSICS.md 1.10).
+
+    Attributes:
+        part: name.
+        true_youngs_modulus_pa: of the material.
+        simulated_youngs_modulus_pa: what the time step allows.
+        largest_strain: estimate rho (v^2 + g L) / E of the strain that the softer material takes.
+    """
+
+    part: str
+    true_youngs_modulus_pa: float
+    simulated_youngs_modulus_pa: float
+    largest_strain: float
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """A body and how to read the truth back from its motion.
+
+    Attributes:
+        body: what the solver moves, metres, z up.
+        true_offset_m: from the simulated to the true rest position of each particle, metres, z up, [P, 3].
+        mass_kg: true mass of each particle, [P].
+        thickening: parts that are simulated thicker than they are.
+        capped: parts whose thick regions are simulated softer than they are.
+        law_warnings: materials whose law is not built yet.
+    """
+
+    body: Body
+    true_offset_m: NDArray[np.float64]
+    mass_kg: NDArray[np.float64]
+    thickening: tuple[PartThickening, ...]
+    capped: tuple[CappedPart, ...]
+    law_warnings: tuple[str, ...]
+
+    def true_positions_m(
+        self, positions_m: NDArray[np.float64], deformation_gradients: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Where the particles of the true (not thickened) body are, given the simulated ones, [P, 3]."""
+        return positions_m + np.einsum("pab,pb->pa", deformation_gradients, self.true_offset_m)
+
+
+def assemble_body(
+    continuum: Continuum,
+    parts: Parts,
+    book: MaterialBook,
+    *,
+    frame: Frame,
+    held: NDArray[np.bool_],
+    cell_m: float,
+    max_wave_speed_ms: float,
+) -> Assembly:
+    """Give every particle its material, and thicken thin parts until waves are slow enough.
+
+    Args:
+        continuum: particles at the true thickness.
+        parts: names.
+        book: material of every part, surface and interior.
+        frame: input coordinates -> metres.
+        held: particles that do not move.
+        cell_m: grid cell dx of the simulation, m.
+        max_wave_speed_ms: thin parts are thickened until their P-wave is no faster, or to the limit; thick regions
+            are capped at the speed that the thin ones leave, where the strain stays below 1 %.
+    """
+    p = len(continuum)
+    density, modulus, poisson = np.zeros(p), np.zeros(p), np.zeros(p)
+    law = np.zeros(p, np.int32)
+    warnings: list[str] = []
+    for number, name in enumerate(parts.names):
+        mine = continuum.part == number
+        for inside, material in ((False, book.parts[name].surface), (True, book.parts[name].interior)):
+            chosen = mine & (continuum.is_interior == inside)
+            law_name, warning = runnable_law(material)
+            if warning is not None and chosen.any() and not held[chosen].all():
+                warnings.append(f"part '{name}': {warning}")
+            density[chosen] = material.density_kgm3
+            modulus[chosen] = material.youngs_modulus_pa
+            poisson[chosen] = material.poisson_ratio
+            law[chosen] = _LAWS[law_name]
+
+    ratio = _thickening(continuum, density, modulus, poisson, cell_m, max_wave_speed_ms)
+    ratio[held] = 1.0
+    offset_m = continuum.offset_m * (ratio - 1)[:, None]
+    sheet, rod = continuum.shape == SHEET, continuum.shape == ROD
+    thin_density = density / np.where(sheet, ratio, np.where(rod, ratio**2, 1))
+    thin_modulus = modulus / np.where(sheet, ratio**3, np.where(rod, ratio**4, 1))
+    volume = continuum.volume_m3 * np.where(sheet, ratio, np.where(rod, ratio**2, 1))
+    free_solid = (continuum.shape == SOLID) & ~held
+    extent_m = float(np.ptp(frame.to_metres(continuum.positions), axis=0).max())
+    thin_modulus, capped = _cap(
+        continuum.part, parts.names, free_solid, ~held, density, thin_density, thin_modulus, poisson,
+        max_wave_speed_ms, extent_m,
+    )  # fmt: skip
+    body = Body(
+        positions_m=frame.to_metres(continuum.positions) + offset_m,
+        volume_m3=volume,
+        density_kgm3=thin_density,
+        youngs_modulus_pa=thin_modulus,
+        poisson_ratio=poisson,
+        law=law,
+        part=continuum.part,
+        held=held,
+        part_names=parts.names,
+    )
+    thickening = _report(continuum, parts.names, ratio, density, modulus, thin_density, thin_modulus)
+    return Assembly(body, -offset_m, continuum.volume_m3 * density, thickening, capped, tuple(dict.fromkeys(warnings)))
+
+
+def _thickening(continuum, density, modulus, poisson, cell_m, max_wave_speed_ms):
+    """Simulated over true thickness of each particle, at least 1."""
+    wanted = np.sqrt(_p_wave_modulus(modulus, poisson) / density) / max_wave_speed_ms
+    limit_cells = np.where(continuum.shape == ROD, _ROD_LIMIT_CELLS, _SHEET_LIMIT_CELLS)
+    thin = continuum.shape != SOLID
+    limit = np.where(thin, limit_cells * cell_m / np.where(thin, continuum.thickness_m, math.inf), 1.0)
+    return np.maximum(np.minimum(wanted, limit), 1.0)
+
+
+def _p_wave_modulus(modulus, poisson):  # noqa: ANN001
+    """lam + 2 mu = E (1 - nu) / ((1 + nu) (1 - 2 nu))."""
+    return modulus * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
+
+
+def _cap(part, names, solid, free, density, thin_density, thin_modulus, poisson, max_wave_speed_ms, extent_m):  # noqa: ANN001
+    """Young's moduli with thick regions softened to the wave speed that the rest of the body needs anyway.
+
+    A thick lump among thin leaves stays far stiffer than what it hangs on; its own strain rho (v^2 + g L) / E, with
+    v = 1 m/s and L the object's size, must stay below 1 %. Where it would not, the modulus stays as it is.
+    """
+    moving_thin = free & ~solid
+    speeds = np.sqrt(_p_wave_modulus(thin_modulus, poisson) / thin_density)
+    speed = max(max_wave_speed_ms, float(speeds[moving_thin].max(initial=0)))
+    allowed = density * speed**2 / _p_wave_modulus(1.0, poisson)
+    strain = density * (1.0 + 9.81 * extent_m) / allowed
+    chosen = solid & (thin_modulus > allowed) & (strain < _LARGEST_CAPPED_STRAIN)
+    capped = []
+    for number in np.unique(part[chosen]):
+        mine = chosen & (part == number)
+        capped.append(
+            CappedPart(
+                names[number],
+                float(np.median(thin_modulus[mine])),
+                float(np.median(allowed[mine])),
+                float(strain[mine].max()),
+            )
+        )
+    return np.where(chosen, allowed, thin_modulus), tuple(capped)
+
+
+def _report(
+    continuum: Continuum, names: Sequence[str], ratio, density, modulus, thin_density, thin_modulus
+) -> tuple[PartThickening, ...]:
+    entries = []
+    for number, name in enumerate(names):
+        mine = (continuum.part == number) & (ratio > 1.001)
+        if mine.any():
+            t = 1e3 * continuum.thickness_m[mine]
+            middle = [np.median(v[mine]) for v in (modulus, thin_modulus, density, thin_density)]
+            entries.append(
+                PartThickening(name, float(np.median(t)), float(np.median(t * ratio[mine])), *map(float, middle))
+            )
+    return tuple(entries)

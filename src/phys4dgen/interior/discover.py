@@ -1,0 +1,266 @@
+"""Internal physical structure discovery: from a hollow shell of Gaussians to a body with volume, parts and an inside.
+
+Paper: Sec. 3.3. The order here: solid voxels (carved or dense), pieces bridged, thick and thin told apart, the
+paper's label grid, particles seeded, each with its part, its piece and its true volume.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from phys4dgen.errors import StageError
+from phys4dgen.interior.bridge import BridgeReport, bridge_pieces
+from phys4dgen.interior.carve import carve
+from phys4dgen.interior.density import accumulated_opacity, density_threshold
+from phys4dgen.interior.labels import label_cells
+from phys4dgen.interior.measure import GaussianCloud, covered_share, measure_rods, measure_sheets
+from phys4dgen.interior.seed import Seeds, join_seeds, seed_rods, seed_sheets, seed_solid
+from phys4dgen.interior.sites import Sites, join_sites, ribbon_sites, rod_sites, sheet_sites
+from phys4dgen.interior.thin import describe_thin_voxels, split_thick_and_thin
+from phys4dgen.interior.voxels import VoxelGrid
+from phys4dgen.types import SOLID, Continuum, Frame, Gaussians, Parts, Views
+
+__all__ = ["Interior", "discover_interior"]
+
+_FALLBACK_THICKNESS_M = 8e-4  # a leaf blade; the part's material may know better (materials/library.yaml)
+_LINK = 2.0  # voxels: particles closer than a grid cell hang together in MPM
+_MIN_TRUSTED_SHARE = 0.3
+_MIN_RADIUS = 3.0  # voxels: of the neighbourhood in which a sheet is measured
+
+
+@dataclass(frozen=True, eq=False)
+class Interior:
+    """The body that was found.
+
+    Attributes:
+        continuum: the particles.
+        bridges: what bridging did.
+        solid_voxels: number of solid voxels.
+        agreement: IoU of the carved and the dense solid, a figure of quality.
+        density_threshold: that was used on the accumulated opacity.
+    """
+
+    continuum: Continuum
+    bridges: BridgeReport
+    solid_voxels: int
+    agreement: float
+    density_threshold: float
+
+
+def discover_interior(
+    gaussians: Gaussians,
+    views: Views,
+    parts: Parts,
+    *,
+    frame: Frame,
+    cell: float,
+    spacing_cells: float = 0.5,
+    label_grid: int = 32,
+    confidence: float = 0.95,
+    max_cells_per_gaussian: int = 10,
+) -> Interior:
+    """Find the solid that the Gaussians enclose and fill it with particles.
+
+    Args:
+        gaussians: the object.
+        views: of the ``carve`` table.
+        parts: part of each Gaussian.
+        frame: input coordinates -> metres.
+        cell: grid cell dx of the simulation, input units.
+        spacing_cells: particle spacing in cells.
+        label_grid: cells of the label grid along the longest side (the paper's 32).
+        confidence: of the chi-square test for surface cells.
+        max_cells_per_gaussian: of the same test.
+
+    Raises:
+        StageError: nothing solid was found.
+    """
+    rotation = frame.rotation
+    side = cell * spacing_cells
+    lower, upper = gaussians.robust_bounds(rotation=rotation)
+    grid = VoxelGrid.around(lower - 0.03 * (upper - lower).max(), upper + 0.03 * (upper - lower).max(), side, padding=2)
+    carved = carve(grid, views, rotation)
+    threshold = density_threshold(gaussians, grid, rotation)
+    dense = accumulated_opacity(gaussians, grid, rotation) > threshold
+    if not (carved | dense).any():
+        raise StageError(
+            f"Interior: no solid was found on a grid of {side:.4g} units; expected the views to show an object with"
+            " opacity above 0.5. Check the input with 'phys4dgen inspect', or give a finer --simulation.grid."
+        )
+    agreement = float((carved & dense).sum() / max((carved | dense).sum(), 1))
+    solid, bridges, bridge_report = bridge_pieces(carved | dense)
+
+    seeds = _seed(gaussians, solid, bridges, grid, frame)
+    positions_up = grid.centers(seeds.middle + seeds.offset)
+    middle_up = grid.centers(seeds.middle)
+
+    label_side = float((upper - lower).max()) / label_grid
+    cells = VoxelGrid.around(lower, upper, label_side, padding=1)
+    valid = np.zeros(cells.shape, bool)
+    valid[tuple(cells.index_of(grid.centers(np.argwhere(solid))).T)] = True
+    labelled = label_cells(
+        gaussians,
+        parts.labels,
+        cells,
+        valid,
+        rotation,
+        confidence=confidence,
+        max_cells_per_gaussian=max_cells_per_gaussian,
+    )
+    part, is_interior = _part_of_particles(gaussians, parts, middle_up, seeds.shape, labelled, side, rotation)
+    unit = frame.metres_per_unit
+    continuum = Continuum(
+        positions=(positions_up @ rotation).astype(np.float32),  # what the run folder keeps, to the bit
+        part=part,
+        is_interior=is_interior,
+        volume_m3=seeds.volume * (side * unit) ** 3,
+        gaussian_index=np.full(len(part), -1, np.int32),
+        piece=_pieces(seeds.middle, part),
+        shape=seeds.shape,
+        thickness_m=seeds.thickness * side * unit,
+        thickness_measured=seeds.measured,
+        offset_m=seeds.offset * side * unit,
+        spacing_m=side * unit,
+    )
+    return Interior(continuum, bridge_report, int(solid.sum()), agreement, threshold)
+
+
+def _seed(gaussians, solid, bridges, grid, frame) -> Seeds:
+    """Particles of the thick, sheet-like and rod-like regions."""
+    thick, thin = split_thick_and_thin(solid)
+    voxels = describe_thin_voxels(thin)
+    cloud = _cloud(gaussians, grid, frame.rotation)
+    fallback = _FALLBACK_THICKNESS_M / (grid.side * frame.metres_per_unit)
+    height = np.ptp(gaussians.robust_bounds(rotation=frame.rotation), axis=0)[2]
+
+    sheets = sheet_sites(voxels, bridges)
+    sheets, thickness, trusted = measure_sheets(sheets, cloud, radius=max(0.016 * height / grid.side, _MIN_RADIUS))
+    share = covered_share(sheets, cloud)
+    thickness, measured = _settle(sheets.position, thickness, trusted, fallback)
+    keep = _keep_connected(sheets, share > 0, solid=np.argwhere(thick))
+    share = np.where(share > 0, share, 1 / 3)  # bridges and links stand for what the capture did not see
+    thickness, measured = thickness[keep], measured[keep]
+    sheets = sheets.where(keep, sheets.extent * share)
+
+    slices, section = rod_sites(voxels, bridges)
+    reading = measure_rods(slices, section, cloud)
+    rods = reading.sites
+    width, width_measured = _settle(rods.position, reading.width, reading.trusted, 1.0)
+    width = np.clip(width, 0.2, 6.0)
+    flat, across = _settle_ribbons(reading)
+    ribbons = ribbon_sites(rods.where(flat, rods.extent), width[flat], across[flat])
+    thickness = np.concatenate([thickness, np.full(len(ribbons), fallback)])
+    measured = np.concatenate([measured, np.zeros(len(ribbons), bool)])
+    return join_seeds(
+        [
+            seed_solid(thick),
+            seed_sheets(join_sites(sheets, ribbons), thickness, measured),
+            seed_rods(rods.where(~flat, rods.extent), width[~flat], width_measured[~flat]),
+        ]
+    )
+
+
+def _cloud(gaussians, grid, rotation) -> GaussianCloud:
+    seen = gaussians.opacities > 0.02
+    near = gaussians.subset(seen)
+    means = (near.means.astype(np.float64) @ rotation.T - grid.lower) / grid.side - 0.5
+    covariances = rotation @ near.covariances() @ rotation.T / grid.side**2
+    return GaussianCloud(means, covariances, near.opacities.astype(np.float64))
+
+
+def _settle(position, value, trusted, fallback):
+    """Trusted readings smoothed by the median of 12 neighbours; the others take their neighbours' value.
+
+    Where too few readings can be trusted none is: a sparse capture's neighbourhoods cross from leaf to leaf.
+    """
+    if len(value) == 0 or trusted.mean() < _MIN_TRUSTED_SHARE:
+        return np.full(len(value), fallback), np.zeros(len(value), bool)
+    known = np.flatnonzero(trusted)
+    k = min(12, len(known))
+    _, near = cKDTree(position[known]).query(position, k=k)
+    return np.median(value[known][near.reshape(len(position), k)], axis=1), np.ones(len(value), bool)
+
+
+def _settle_ribbons(reading) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Whether each rod site is a ribbon, and its wide direction, by its 12 nearest trusted neighbours.
+
+    One long blade must not change from flat to round and back with every few Gaussians.
+    """
+    flat, across, sites = reading.is_ribbon, reading.across, reading.sites
+    known = np.flatnonzero(reading.trusted)
+    if len(known) == 0:
+        return flat, across
+    k = min(12, len(known))
+    _, near = cKDTree(sites.position[known]).query(sites.position, k=k)
+    near = known[near.reshape(len(sites), k)]
+    flat = flat[near].mean(1) > 0.4
+    weight = reading.is_ribbon[near] + 1e-3
+    dyads = np.einsum("sk,ska,skb->sab", weight, across[near], across[near])
+    onto = np.eye(3) - sites.direction[:, :, None] * sites.direction[:, None, :]
+    return flat, np.linalg.eigh(onto @ dyads @ onto)[1][:, :, 2]
+
+
+def _keep_connected(sites: Sites, seen, solid) -> NDArray[np.bool_]:
+    """Sites to keep: the covered ones, and groups of uncovered ones without which covered ones would come apart."""
+    keep = seen.copy()
+    hidden = np.flatnonzero(~seen)
+    if len(hidden) == 0:
+        return keep
+    tree = cKDTree(sites.position)
+    pairs = tree.query_pairs(_LINK, output_type="ndarray")
+    groups = _components(pairs[seen[pairs].all(1)], len(sites))
+    hidden_groups = _components(pairs[(~seen[pairs]).all(1)], len(sites))
+    mixed = pairs[seen[pairs[:, 0]] != seen[pairs[:, 1]]]
+    hidden_end = np.where(seen[mixed[:, 0]], mixed[:, 1], mixed[:, 0])
+    seen_end = np.where(seen[mixed[:, 0]], mixed[:, 0], mixed[:, 1])
+    touches = np.unique(np.stack([hidden_groups[hidden_end], groups[seen_end]], 1), axis=0)
+    if len(solid):
+        distance, _ = cKDTree(solid).query(sites.position[hidden], distance_upper_bound=_LINK)
+        at_solid = np.unique(hidden_groups[hidden[np.isfinite(distance)]])
+        touches = np.concatenate([touches, np.stack([at_solid, np.full(len(at_solid), -1)], 1)])
+    group, neighbors = np.unique(touches[:, 0], return_counts=True)
+    needed = group[neighbors >= 2]
+    keep[hidden] = np.isin(hidden_groups[hidden], needed) | sites.is_bridge[hidden]
+    return keep
+
+
+def _components(pairs, count):
+    graph = sparse.csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return connected_components(graph, directed=False)[1]
+
+
+def _part_of_particles(gaussians, parts, points_up, shape, labelled, side, rotation):
+    """Part of each particle: the Gaussians around it where there are any, else its label cell's.
+
+    The cells of the label grid are as wide as a leaf stands from its stem; Gaussians within 1.5 particle spacings
+    say more than the cell does.
+    """
+    seen = gaussians.opacities > 0.1 if (gaussians.opacities > 0.1).any() else gaussians.opacities > 0
+    means = gaussians.means[seen].astype(np.float64) @ rotation.T
+    k = min(8, len(means))
+    distance, near = cKDTree(means).query(points_up, k=k, workers=-1)
+    distance, near = distance.reshape(-1, k), near.reshape(-1, k)
+    weight = np.exp(-0.5 * (distance / (0.5 * side)) ** 2) * gaussians.opacities[seen][near] + 1e-12 / (1 + distance)
+    votes = np.zeros((len(points_up), parts.count))
+    for j in range(k):
+        votes[np.arange(len(points_up)), parts.labels[seen][near[:, j]]] += weight[:, j]
+    part = votes.argmax(1).astype(np.int32)
+    cell = tuple(labelled.grid.index_of(points_up).T)
+    cell_part = labelled.part[cell]
+    deep = (distance[:, 0] > 1.5 * side) & (shape == SOLID) & (cell_part >= 0)
+    part[deep] = cell_part[deep]
+    is_interior = labelled.is_interior[cell] & deep
+    return part, is_interior
+
+
+def _pieces(middle, part) -> NDArray[np.int32]:
+    """Connected piece of each particle within its part."""
+    pairs = cKDTree(middle).query_pairs(_LINK, output_type="ndarray")
+    same = part[pairs[:, 0]] == part[pairs[:, 1]]
+    return _components(pairs[same], len(middle)).astype(np.int32)

@@ -1,0 +1,246 @@
+"""Motion presets: what is held, what pushes, how it is damped.
+
+``sway``: what stands on the ground is held, a gust moves the rest. The same 3-5 m/s2 gave 15 mm on one object and
+255 mm on another (MOTION.md, technique 10), so the gust is scaled by a coarse probe: one short run on a grid twice as
+coarse gives the motion per m/s2 and the lowest frequency, which also sets the damping.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.errors import SceneError, SimulationError, did_you_mean
+from phys4dgen.mpm import Acceleration, Body, Settings, Simulator
+from phys4dgen.types import Continuum, Frame, Parts
+
+__all__ = [
+    "Held",
+    "ProbeResult",
+    "choose_held",
+    "damped_frequency",
+    "damping_per_s",
+    "gust",
+    "probe_gust",
+]
+
+_ON_GROUND = 0.06
+_LOW_TOP = 0.6
+_RIM = 0.03
+_LOWEST_SHARE = 0.1
+_PROBE_MS2 = 1.0
+_PROBE_S = 1.3
+_PROBE_FPS = 24.0
+_ASSUMED_FREQUENCY_HZ = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What does not move.
+
+    Attributes:
+        particles: held particles, [P], bool.
+        parts: names of the parts that are held as a whole.
+        reason: one sentence for the report.
+    """
+
+    particles: NDArray[np.bool_]
+    parts: tuple[str, ...]
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class ProbeResult:
+    """What the coarse run found.
+
+    Attributes:
+        acceleration_ms2: gust that reaches the amplitude aimed at.
+        frequency_hz: lowest frequency seen after the gust.
+        displacement_per_ms2_m: 99th percentile of the largest displacement per m/s2 of gust.
+    """
+
+    acceleration_ms2: float
+    frequency_hz: float
+    displacement_per_ms2_m: float
+
+
+def choose_held(continuum: Continuum, parts: Parts, *, frame: Frame, holds: Mapping[str, str], automatic: bool) -> Held:
+    """Decide which particles are held.
+
+    Args:
+        continuum: particles.
+        parts: names and number of parts.
+        frame: input coordinates -> metres.
+        holds: "fixed" or "free" by part name, as the user wants it; other parts are decided here.
+        automatic: hold what stands on the ground; otherwise only what the user names.
+
+    Raises:
+        SceneError: a part that the user names does not exist.
+    """
+    for name in holds:
+        if name not in parts.names:
+            raise SceneError(
+                f"parts: there is no part '{name}' to hold; the parts are {', '.join(parts.names)}."
+                f"{did_you_mean(name, parts.names)}"
+            )
+    named = {n for n, hold in holds.items() if hold == "fixed"}
+    free = {n for n, hold in holds.items() if hold == "free"}
+    if not automatic or named:
+        return _held_parts(continuum, parts, named, "held as asked for" if named else "nothing is held")
+    z = frame.to_metres(continuum.positions)
+    low, high = np.percentile(z[:, 2], [0.5, 99.5])
+    standing = _standing_parts(z, continuum.part, parts, low, high)
+    standing = {parts.names[p] for p in standing} - free
+    if standing and len(standing) < parts.count:
+        return _held_parts(
+            continuum, parts, standing, "stands on the ground below 60 % of the height, with what it encloses"
+        )
+    lowest = z[:, 2] < low + _LOWEST_SHARE * (high - low)
+    may = np.isin(continuum.part, [i for i, name in enumerate(parts.names) if name not in free])
+    return Held(lowest & may, (), "no part stands on the ground with another above it: the lowest 10 % is held")
+
+
+def _held_parts(continuum: Continuum, parts: Parts, names: set[str], reason: str) -> Held:
+    numbers = [i for i, name in enumerate(parts.names) if name in names]
+    ordered = tuple(parts.names[i] for i in numbers)
+    return Held(np.isin(continuum.part, numbers), ordered, f"{', '.join(ordered)}: {reason}" if ordered else reason)
+
+
+def _standing_parts(z_m, part, parts: Parts, low: float, high: float) -> set[int]:
+    """Parts on the ground whose top is low, and the parts that these enclose (soil, rim)."""
+    height = high - low
+    standing = set()
+    for number in range(parts.count):
+        own = z_m[part == number, 2]
+        if len(own):
+            bottom, top = np.percentile(own, [1, 99])
+            if bottom < low + _ON_GROUND * height and top < low + _LOW_TOP * height:
+                standing.add(number)
+    if not standing:
+        return standing
+    ground = z_m[np.isin(part, list(standing))]
+    box_low, box_high = np.percentile(ground[:, :2], [0.5, 99.5], axis=0)
+    top = np.percentile(ground[:, 2], 99.5)
+    margin = 0.02 * height
+    for number in range(parts.count):
+        own = z_m[part == number]
+        if number in standing or len(own) == 0:
+            continue
+        inside = ((own[:, :2] > box_low - margin) & (own[:, :2] < box_high + margin)).all(1)
+        if (inside & (own[:, 2] < top + _RIM * height)).mean() > 0.95:
+            standing.add(number)
+    return standing
+
+
+def gust(direction_up: NDArray[np.float64], acceleration_ms2: float, duration_s: float) -> Acceleration:
+    """The gust of ``sway``: a constant acceleration of everything that is not held, from t = 0.
+
+    Args:
+        direction_up: unit vector, axes with z up.
+        acceleration_ms2: its strength.
+        duration_s: its length.
+    """
+    x, y, z = (float(v) for v in acceleration_ms2 * direction_up)
+    return Acceleration((x, y, z), 0.0, duration_s)
+
+
+def damping_per_s(damping_ratio: float, frequency_hz: float) -> float:
+    """Mass-proportional damping alpha = 4 pi zeta f1 (ARCHITECTURE.md 5.5)."""
+    return 4 * math.pi * damping_ratio * frequency_hz
+
+
+def probe_gust(
+    body: Body,
+    *,
+    cell_m: float,
+    cfl: float,
+    direction_up: NDArray[np.float64],
+    duration_s: float,
+    aim_m: float,
+    damping_ratio: float,
+    chunks: int,
+    max_substeps: int,
+    on_frame: Callable[[int, int], None] | None = None,
+) -> ProbeResult:
+    """Run the body briefly under 1 m/s2 on a coarse grid and scale the gust to the displacement aimed at.
+
+    Args:
+        body: assembled for the coarse cell.
+        cell_m: of the coarse grid, m.
+        cfl: Courant number.
+        direction_up: unit vector of the gust, z up.
+        duration_s: of the gust.
+        aim_m: 99th percentile of the free particles' largest displacement to reach, m.
+        damping_ratio: zeta.
+        chunks: of the solver.
+        max_substeps: per frame, a bound on the cost.
+        on_frame: called with (frame, frames).
+
+    Raises:
+        SimulationError: nothing is free to move.
+    """
+    free = ~body.held
+    if not free.any():
+        raise SimulationError(
+            "sway: every part is held, so that nothing can move; free one with --motion rest or hold."
+        )
+    settings = Settings(
+        dx_m=cell_m,
+        frame_time_s=1 / _PROBE_FPS,
+        accelerations=(gust(direction_up, _PROBE_MS2, duration_s),),
+        damping_per_s=damping_per_s(damping_ratio, _ASSUMED_FREQUENCY_HZ),
+        damping_relative_to_rigid=not body.held.any(),
+        cfl=cfl,
+        chunks=chunks,
+        max_substeps_per_frame=max_substeps,
+    )
+    simulator = Simulator(body, settings)
+    rest = body.positions_m[free]
+    frames = math.ceil((_PROBE_S + duration_s) * _PROBE_FPS)
+    reached = np.zeros(len(rest))
+    history = []
+    for k in range(frames):
+        displacement = simulator.advance().positions_m[free] - rest
+        reached = np.maximum(reached, np.linalg.norm(displacement, axis=1))
+        history.append(displacement @ direction_up)
+        if on_frame is not None:
+            on_frame(k + 1, frames)
+    per_ms2 = float(np.percentile(reached, 99)) / _PROBE_MS2
+    if per_ms2 <= 0:
+        raise SimulationError("sway: the gust of the probe moved nothing; check what is held.")
+    loose = reached > np.percentile(reached, 80)
+    after = math.ceil(duration_s * _PROBE_FPS)
+    signal = np.array(history)[after:, loose].mean(1)
+    frequency, _ = damped_frequency(signal, 1 / _PROBE_FPS)
+    return ProbeResult(aim_m / per_ms2, frequency, per_ms2)
+
+
+def damped_frequency(signal: Sequence[float] | NDArray[np.float64], step_s: float) -> tuple[float, float]:
+    """Frequency in Hz and damping ratio of the damped oscillation that fits a free decay best.
+
+    Least squares of exp(-s t) (a cos wt + b sin wt) + c over a grid of w and s, refined once.
+    """
+    y = np.asarray(signal, np.float64)
+    t = np.arange(len(y)) * step_s
+    span = max(t[-1], step_s)
+    low, high = 0.25 / span, min(0.4 / step_s, 15.0)
+    best = (math.inf, low, 0.0)
+    frequencies = np.geomspace(low, max(high, 2 * low), 120)
+    ratios = np.array([0.0, 0.02, 0.05, 0.08, 0.12, 0.18, 0.26])
+    for _ in range(2):
+        for f in frequencies:
+            for zeta in ratios:
+                envelope = np.exp(-2 * math.pi * f * zeta * t)
+                phase = 2 * math.pi * f * math.sqrt(1 - zeta**2) * t
+                basis = np.stack([envelope * np.cos(phase), envelope * np.sin(phase), np.ones_like(t)], 1)
+                _, residual, *_ = np.linalg.lstsq(basis, y, rcond=None)
+                error = float(residual[0]) if len(residual) else math.inf
+                if error < best[0]:
+                    best = (error, float(f), float(zeta))
+        frequencies = best[1] * np.linspace(0.93, 1.07, 21)
+        ratios = np.clip(best[2] + np.linspace(-0.04, 0.04, 17), 0, 0.6)
+    return best[1], best[2]
