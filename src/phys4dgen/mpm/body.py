@@ -64,7 +64,7 @@ class Body:
             raise ValueError(f"part: expected 0 .. {len(self.part_names) - 1}, got up to {checked['part'].max()}.")
         unknown = sorted(set(np.unique(checked["law"]).tolist()) - {int(law) for law in LAWS})
         if unknown:
-            known = ", ".join(f"{law.name} = {law.value}" for law in LAWS)
+            known = ", ".join(f"{law.name} = {law.value}" for law in sorted(LAWS))
             raise ValueError(f"law: expected {known}; got {unknown}.")
         for name, value in checked.items():
             object.__setattr__(self, name, value)

@@ -219,12 +219,12 @@ class Simulator:
         padding = settings.padding_cells + (0 if frame == 0 else _GROWTH_CELLS)
         nodes = math.prod(Grid.nodes_for(self._extent, padding))
         if nodes > settings.max_grid_nodes:
-            farthest = int(np.abs(self._cells - np.median(self._cells, 1, keepdims=True)).max(0).argmax())
+            farthest = int(np.linalg.norm(self._particles.columns[POSITION : POSITION + 3], axis=0).argmax())
             name = self.body.part_names[int(self._particles.columns[PART, farthest])]
             raise SimulationError(
                 f"The body spreads too far in frame {frame} at {time_s:.4g} s: the grid would need {nodes} nodes, "
-                f"{settings.max_grid_nodes} are allowed, and part '{name}' is farthest out; use a larger dx_m, "
-                f"weaker forces, or raise max_grid_nodes."
+                f"{settings.max_grid_nodes} are allowed, and part '{name}' is farthest from where the body was; use a "
+                f"larger dx_m, weaker forces, or raise max_grid_nodes."
             )
         return Grid(self._extent, chunks=settings.chunks, padding=padding, held=self._held)
 
