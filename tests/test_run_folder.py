@@ -69,6 +69,12 @@ def test_a_finished_stage_is_kept_by_the_same_settings_and_lost_by_others(tmp_pa
         assert not run.groups_npz.exists()
 
 
+def test_a_run_that_finished_nothing_does_not_stand_in_the_way(tmp_path, scene):
+    root = tmp_path / "run"
+    RunFolder(root).claim(digests(scene)).release()
+    RunFolder(root).claim(digests(scene.with_overrides({"up": "-y"}))).release()
+
+
 def test_overwrite_leaves_files_alone_that_are_not_ours(tmp_path, scene):
     root = tmp_path / "run"
     RunFolder(root).claim(digests(scene)).release()

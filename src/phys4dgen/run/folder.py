@@ -113,7 +113,8 @@ class RunFolder:
     def _take_over(self, digests: Mapping[str, str], *, overwrite: bool) -> None:
         old, finished, warnings = _read_state(self._state_json)
         changed = next((stage.name for stage in STAGES if old and old.get(stage.name) != digests[stage.name]), None)
-        if changed is not None and not overwrite:
+        # A run that finished nothing (a damaged input, Ctrl-C at once) holds nothing that could be lost.
+        if changed is not None and finished and not overwrite:
             what = "another input or other settings" if changed == STAGES[0].name else f"other settings of '{changed}'"
             raise RunError(
                 f"{self.root}: holds a run with {what}; "

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import importlib.metadata
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from phys4dgen.errors import RunError
 from phys4dgen.progress import SILENT, Progress
@@ -14,6 +14,9 @@ from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import Report
 from phys4dgen.run.stages import stage_digests, stages_until
 from phys4dgen.scene import Scene, dump_scene, refuse_impossible_part_names
+
+if TYPE_CHECKING:
+    from phys4dgen.pipeline import MotionFacts
 
 __all__ = ["Run", "generate"]
 
@@ -89,9 +92,25 @@ def _fill(run: RunFolder, scene: Scene, stages: tuple[str, ...], recorder: Recor
             counts=store.counts,
             metres_per_unit=store.asset.frame.metres_per_unit if store.asset is not None else None,
             parts=store.parts,
-            simulation=store.facts,
+            **_sections(store.facts),
         )
         run.write_json(run.report_json, report.as_dict())
+
+
+_MOTION = ("preset", "held", "wind_up", "gust_ms2", "gust_s", "frequency_hz")
+_HISTORY = ("substeps", "dt_s", "max_speed_ms", "energy_kinetic_j", "energy_elastic_j", "momentum_kgms")
+
+
+def _sections(facts: MotionFacts | None) -> dict[str, Any]:
+    """What the simulation found, as the sections of the report; the history has one entry per frame."""
+    if facts is None:
+        return {}
+    values = {entry.name: getattr(facts, entry.name) for entry in fields(facts)}
+    return {
+        "motion": {name: values.pop(name) for name in _MOTION},
+        "history": {name: values.pop(name) for name in _HISTORY},
+        "simulation": values,
+    }
 
 
 def _use_threads(scene: Scene) -> None:
