@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
@@ -39,7 +38,8 @@ def attach(
     label = part_of_patch[patch[core]]
     part_count = int(part_of_patch.max()) + 1
     tree = KDTree(gaussians.means[core])
-    neighbours = tree.query(gaussians.means[core], min(_NEIGHBOURS + 1, len(core)))[1].reshape(len(core), -1)
+    neighbours = tree.query(gaussians.means[core], min(_NEIGHBOURS + 1, len(core)), workers=-1)[1]
+    neighbours = neighbours.reshape(len(core), -1)
     # A point is its own first neighbour: one vote of its own comes from there.
     votes = np.ones(neighbours.shape)
     votes[:, 0] = _OWN_VOTE
@@ -66,7 +66,7 @@ def _follow(
     for candidate in np.unique(label):
         members = core[label == candidate]
         distance, near = KDTree(gaussians.means[members]).query(
-            gaussians.means[rest], min(_ATTACH_NEIGHBOURS, len(members))
+            gaussians.means[rest], min(_ATTACH_NEIGHBOURS, len(members)), workers=-1
         )
         distance, near = distance.reshape(len(rest), -1), near.reshape(len(rest), -1)
         difference = np.linalg.norm(lab[members][near] - lab[rest][:, None], axis=2)
@@ -92,14 +92,7 @@ def number_from_the_ground(
     return np.argsort(order)[dense].astype(np.int32), old[order]
 
 
-@njit(cache=True)
-def _majority(labels, weights, count):  # pyright: ignore
+def _majority(labels: NDArray[np.int64], weights: NDArray[np.float64], count: int) -> NDArray[np.int64]:
     """Label with the largest sum of weights in each row; the lowest wins a tie. Shape [rows]."""
-    winner = np.zeros(len(labels), np.int64)
-    votes = np.zeros(count)
-    for row in range(len(labels)):
-        votes[:] = 0.0
-        for column in range(labels.shape[1]):
-            votes[labels[row, column]] += weights[row, column]
-        winner[row] = np.argmax(votes)
-    return winner
+    cell = np.arange(len(labels))[:, None] * count + labels
+    return np.bincount(cell.ravel(), weights.ravel(), len(labels) * count).reshape(-1, count).argmax(1)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -41,7 +40,6 @@ _FLECK_THINNESS = 11.0
 """Largest difference of weighted thinness between a fleck and the part it lies in."""
 _CREASE_FREE = 0.15
 """Concavity that curved surfaces have anyway."""
-_NEVER = 1e30
 
 
 class CostWeights(NamedTuple):
@@ -99,27 +97,23 @@ class MergeTree:
 
 def merge_tree(patches: Supervoxels, gaussian_count: int, *, weights: CostWeights = CostWeights()) -> MergeTree:
     """Join all patches, cheapest pair first, and remember the order."""
-    i, j = np.nonzero(patches.border)
-    weight = patches.border[i, j]
-    feature = np.concatenate([patches.mean, weights.thinness * patches.thinness[:, None]], 1)
-    contrast, crease = np.zeros_like(patches.border), np.zeros_like(patches.border)
-    contrast[i, j] = weight * np.linalg.norm(feature[i] - feature[j], axis=1)
-    crease[i, j] = weight * _crease(patches, i, j)
-    kept, absorbed, cost = _agglomerate(
-        feature.copy(), patches.spread.copy(), patches.area.copy(), patches.border.copy(), contrast, crease, weights
-    )
+    regions = _Regions(patches, weights)
+    start = regions.feature.copy()
+    merges: list[tuple[int, int, float]] = []
+    _agglomerate(regions, merges, ward=True, until=min(_WARD_REGIONS, len(patches.area)))
+    _agglomerate(regions, merges, ward=False, until=1)
     patch_of_gaussian = np.full(gaussian_count, -1, np.int32)
     patch_of_gaussian[patches.core] = patches.patch
-    upper = i < j
+    first, second = np.nonzero(np.triu(patches.border))
     return MergeTree(
         patch=patch_of_gaussian,
-        kept=kept.astype(np.int32),
-        absorbed=absorbed.astype(np.int32),
-        cost=cost,
+        kept=np.array([kept for kept, _, _ in merges], np.int32),
+        absorbed=np.array([absorbed for _, absorbed, _ in merges], np.int32),
+        cost=np.array([cost for _, _, cost in merges], np.float64),
         area=patches.area,
-        feature=feature,
-        touching=np.stack([i[upper], j[upper]], 1).astype(np.int32),
-        border=weight[upper],
+        feature=start,
+        touching=np.stack([first, second], 1).astype(np.int32),
+        border=patches.border[first, second],
     )
 
 
@@ -206,98 +200,86 @@ def _crease(patches: Supervoxels, i: NDArray[np.intp], j: NDArray[np.intp]) -> N
     return np.clip(concavity - _CREASE_FREE, -0.5, 1) * flatness
 
 
-@njit(cache=True)
-def _ward_cost(i, j, feature, area, border):  # pyright: ignore
-    """Growth of the within-region variance of colour, touching regions only."""
-    if border[i, j] == 0:
-        return _NEVER
-    square = 0.0
-    for q in range(feature.shape[1]):
-        square += (feature[i, q] - feature[j, q]) ** 2
-    return square * area[i] * area[j] / (area[i] + area[j])
+class _Regions:
+    """The regions while they are joined; a row of a table is a region, joined ones keep the row of the one kept."""
+
+    def __init__(self, patches: Supervoxels, weights: CostWeights) -> None:
+        self.weights = weights
+        self.feature = np.concatenate([patches.mean, weights.thinness * patches.thinness[:, None]], 1)
+        self.spread = patches.spread.copy()
+        self.area = patches.area.copy()
+        self.alive = np.ones(len(patches.area), np.bool_)
+        self.border = patches.border.copy()
+        i, j = np.nonzero(patches.border)
+        self.contrast, self.crease = np.zeros_like(self.border), np.zeros_like(self.border)
+        self.contrast[i, j] = self.border[i, j] * np.linalg.norm(self.feature[i] - self.feature[j], axis=1)
+        self.crease[i, j] = self.border[i, j] * _crease(patches, i, j)
+
+    def ward_cost(self, i: int) -> NDArray[np.float64]:
+        """Growth of the variance within regions if one joins region i, touching ones only; shape [S]."""
+        square = ((self.feature - self.feature[i]) ** 2).sum(1)
+        cost = square * self.area[i] * self.area / (self.area[i] + self.area)
+        return self._allowed(np.where(self.border[i] > 0, cost, np.inf), i)
+
+    def part_cost(self, i: int) -> NDArray[np.float64]:
+        """How unlike one part each region and region i are (module docstring); shape [S]."""
+        w = self.weights
+        color = ((self.feature - self.feature[i]) ** 2).sum(1)
+        texture = ((self.spread - self.spread[i]) ** 2).sum(1)
+        distance = np.sqrt(color + w.texture * texture)
+        length = np.maximum(self.border[i], 1)  # in neighbour pairs, so never between 0 and 1
+        touching = (1 - w.border) * distance + w.border * self.contrast[i] / length
+        touching *= 1 + w.crease * self.crease[i] / length
+        distance = np.where(self.border[i] > 0, touching, w.apart * distance)
+        common = self.area[i] * self.area / (self.area[i] + self.area)
+        size = np.minimum((common / w.area_reference) ** w.area_power, w.area_factor_max)
+        return self._allowed(distance * size, i)
+
+    def join(self, i: int, j: int) -> None:
+        """Add region j to region i."""
+        total = self.area[i] + self.area[j]
+        share = self.area[j] / total
+        self.feature[i] += share * (self.feature[j] - self.feature[i])
+        self.spread[i] = np.sqrt((1 - share) * self.spread[i] ** 2 + share * self.spread[j] ** 2)
+        self.area[i] = total
+        self.alive[j] = False
+        for table in (self.border, self.contrast, self.crease):
+            table[i] += table[j]
+            table[i, i] = 0
+            table[:, i] = table[i]
+
+    def _allowed(self, cost: NDArray[np.float64], i: int) -> NDArray[np.float64]:
+        cost[~self.alive] = np.inf
+        cost[i] = np.inf
+        return cost
 
 
-@njit(cache=True)
-def _part_cost(i, j, feature, spread, area, border, contrast, crease, weights):  # pyright: ignore
-    """How unlike one part two regions are (module docstring)."""
-    color, texture = 0.0, 0.0
-    for q in range(feature.shape[1]):
-        color += (feature[i, q] - feature[j, q]) ** 2
-    for q in range(spread.shape[1]):
-        texture += (spread[i, q] - spread[j, q]) ** 2
-    distance = np.sqrt(color + weights.texture * texture)
-    if border[i, j] > 0:
-        distance = (1 - weights.border) * distance + weights.border * contrast[i, j] / border[i, j]
-        distance *= 1 + weights.crease * crease[i, j] / border[i, j]
-    else:
-        distance *= weights.apart
-    common = area[i] * area[j] / (area[i] + area[j])
-    return distance * min((common / weights.area_reference) ** weights.area_power, weights.area_factor_max)
-
-
-@njit(cache=True)
-def _agglomerate(feature, spread, area, border, contrast, crease, weights):  # pyright: ignore
-    """Join the cheapest pair until one region is left; overwrites its arguments.
+def _agglomerate(regions: _Regions, merges: list[tuple[int, int, float]], *, ward: bool, until: int) -> None:
+    """Join the cheapest pair until ``until`` regions are left or no pair may join; append every merge to ``merges``.
 
     Every region remembers its cheapest partner, so that a merge looks again only at rows that knew one of the pair.
     """
-    count = len(area)
-    alive = np.ones(count, np.bool_)
-    kept = np.zeros(max(count - 1, 0), np.int64)
-    absorbed = np.zeros(max(count - 1, 0), np.int64)
-    costs = np.zeros(max(count - 1, 0))
-    table = np.full((count, count), _NEVER)
-    partner = np.zeros(count, np.int64)
-    step = 0
-    for ward in (True, False):
-        for i in range(count):
-            for j in range(i):
-                if alive[i] and alive[j]:
-                    if ward:
-                        table[i, j] = _ward_cost(i, j, feature, area, border)
-                    else:
-                        table[i, j] = _part_cost(i, j, feature, spread, area, border, contrast, crease, weights)
-                    table[j, i] = table[i, j]
-        for i in range(count):
-            partner[i] = np.argmin(table[i])
-        last = min(count - _WARD_REGIONS, count - 1) if ward else count - 1
-        while step < last:
-            i = 0
-            for q in range(count):
-                if table[q, partner[q]] < table[i, partner[i]]:
-                    i = q
-            j = partner[i]
-            if table[i, j] >= _NEVER:  # Ward's phase: no touching regions are left
-                break
-            kept[step], absorbed[step] = i, j
-            costs[step] = 0.0 if ward else table[i, j]
-            step += 1
-            total = area[i] + area[j]
-            for q in range(feature.shape[1]):
-                feature[i, q] = (area[i] * feature[i, q] + area[j] * feature[j, q]) / total
-            for q in range(spread.shape[1]):
-                spread[i, q] = np.sqrt((area[i] * spread[i, q] ** 2 + area[j] * spread[j, q] ** 2) / total)
-            area[i] = total
-            alive[j] = False
-            for q in range(count):
-                border[i, q] += border[j, q]
-                contrast[i, q] += contrast[j, q]
-                crease[i, q] += crease[j, q]
-                border[q, i], contrast[q, i], crease[q, i] = border[i, q], contrast[i, q], crease[i, q]
-                table[j, q] = _NEVER
-                table[q, j] = _NEVER
-            border[i, i], contrast[i, i], crease[i, i] = 0.0, 0.0, 0.0
-            for q in range(count):
-                if alive[q] and q != i:
-                    if ward:
-                        table[i, q] = _ward_cost(i, q, feature, area, border)
-                    else:
-                        table[i, q] = _part_cost(i, q, feature, spread, area, border, contrast, crease, weights)
-                    table[q, i] = table[i, q]
-            for q in range(count):
-                if alive[q]:
-                    if q == i or partner[q] == i or partner[q] == j:
-                        partner[q] = np.argmin(table[q])
-                    elif table[q, i] < table[q, partner[q]]:
-                        partner[q] = i
-    return kept, absorbed, costs
+    row_cost = regions.ward_cost if ward else regions.part_cost
+    alive = regions.alive
+    table = np.full(regions.border.shape, np.inf)
+    for i in np.flatnonzero(alive):
+        table[i] = row_cost(int(i))
+    partner = table.argmin(1)
+    best = table.min(1)
+    for _ in range(int(alive.sum()) - until):
+        i = int(best.argmin())
+        j = int(partner[i])
+        if not np.isfinite(best[i]):  # by Ward's criterion: no touching regions are left
+            return
+        merges.append((i, j, 0.0 if ward else float(best[i])))
+        regions.join(i, j)
+        row = row_cost(i)
+        table[j], table[:, j], best[j] = np.inf, np.inf, np.inf
+        table[i], table[:, i] = row, row
+        stale = alive & ((partner == i) | (partner == j))
+        stale[i] = True
+        rows = np.flatnonzero(stale)
+        partner[rows] = table[rows].argmin(1)
+        best[rows] = table[rows, partner[rows]]
+        closer = alive & ~stale & (row < best)
+        partner[closer], best[closer] = i, row[closer]

@@ -69,12 +69,10 @@ def object_radius(gaussians: Gaussians) -> float:
 def core_gaussians(gaussians: Gaussians, surface: SurfaceColor, radius: float) -> NDArray[np.intp]:
     """Indices of the Gaussians that make the visible surface: seen, not faint, not huge, not stray."""
     longest = gaussians.scales.max(1)
-    core = np.flatnonzero(surface.seen.any(1) & (gaussians.opacities > 0.05) & (longest < 0.08 * radius))
-    if len(core) <= 8:
-        core = np.arange(len(gaussians))
+    core = np.flatnonzero(surface.seen.any(1) & (longest < 0.08 * radius))
     if len(core) <= 8:
         return core
-    distance = KDTree(gaussians.means[core]).query(gaussians.means[core], 9)[0][:, 8]
+    distance = KDTree(gaussians.means[core]).query(gaussians.means[core], 9, workers=-1)[0][:, 8]
     return core[distance <= 4 * np.median(distance)]
 
 
@@ -93,7 +91,7 @@ def supervoxels(
     points = gaussians.means[core].astype(np.float64)
     k = min(_NEIGHBOURS, len(core) - 1)
     # A lone Gaussian is its own neighbour.
-    found = KDTree(points).query(points, k + 1)[1].reshape(len(core), -1)
+    found = KDTree(points).query(points, k + 1, workers=-1)[1].reshape(len(core), -1)
     neighbours = np.ascontiguousarray(found[:, 1:] if k else found, np.int32)
     raw = srgb_to_lab(surface.rgb[core]) * [LIGHTNESS_WEIGHT, 1, 1]
     smooth = _neighbourhood_median(raw, neighbours, gaussians.opacities[core] + 0.02)

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from phys4dgen.types import Camera, Gaussians, Views
 
-__all__ = ["SurfaceColor", "surface_color", "visible_pixels"]
+__all__ = ["MIN_OPACITY", "SurfaceColor", "surface_color", "visible_pixels"]
 
+MIN_OPACITY = 0.05
+"""A Gaussian fainter than this is never taken for the visible surface."""
 _MIN_ALPHA = 0.6
 """Below it a pixel is mostly background and its colour says little about the object."""
 
@@ -74,12 +76,13 @@ def surface_color(
         tolerance: depth tolerance, input units.
         background: RGB behind the object; taken out of pixels that are not opaque.
     """
+    candidates = np.flatnonzero(gaussians.opacities > MIN_OPACITY)
+    means = gaussians.means[candidates]
     color_sum = np.zeros((len(gaussians), 3))
     seen = np.zeros((len(gaussians), len(views)), np.bool_)
     for v, camera in enumerate(views.cameras):
-        index, row, column = visible_pixels(
-            gaussians.means, camera, views.alpha[v], depth=views.depth[v], tolerance=tolerance
-        )
+        index, row, column = visible_pixels(means, camera, views.alpha[v], depth=views.depth[v], tolerance=tolerance)
+        index = candidates[index]
         opacity = views.alpha[v, row, column].astype(np.float64)[:, None]
         color_sum[index] += (views.rgb[v, row, column] - (1 - opacity) * np.asarray(background)) / opacity
         seen[index, v] = True
