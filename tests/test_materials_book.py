@@ -178,6 +178,25 @@ def test_mistakes_are_named_with_file_line_and_way_out(tmp_path: Path, text: str
     assert message in str(error.value)
 
 
+def test_a_part_that_does_not_exist_is_refused_with_its_line(tmp_path: Path):
+    path = tmp_path / "materials.yaml"
+    path.write_text("parts:\n  pot: {surface: steel}\n  leafs: {surface: felt}\n")
+    assert set(read_materials(path)) == {"pot", "leafs"}
+    with pytest.raises(
+        MaterialError, match=r"line 3: there is no part 'leafs'\. Did you mean 'leaves'\? The parts are p"
+    ):
+        read_materials(path, NAMES)
+
+
+def test_the_book_says_which_law_is_run(tmp_path: Path):
+    book = assemble_book(NAMES, IDENTIFIED, surface={"soil": "garden_soil"})
+    told = book.parts["soil"].surface.warnings
+    assert any("drucker_prager is not built yet" in warning for warning in told)
+    write_materials(tmp_path / "materials.yaml", book)
+    again = assemble_book(NAMES, IDENTIFIED, from_file=read_materials(tmp_path / "materials.yaml", NAMES))
+    assert again == book  # no warning is said twice
+
+
 def test_a_missing_file_is_a_material_error(tmp_path: Path):
     with pytest.raises(MaterialError, match="cannot read the file"):
         read_materials(tmp_path / "nothing.yaml")

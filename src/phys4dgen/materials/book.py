@@ -69,7 +69,7 @@ def assemble_book(
     interior: Mapping[str, str] | None = None,
     thickness_m: Mapping[str, float] | None = None,
 ) -> MaterialBook:
-    """Decide the materials of every part.
+    """Decide the materials of every part; a law that the engine does not have adds a warning to its material.
 
     Args:
         part_names: all parts, in the order of their numbers.
@@ -108,8 +108,18 @@ def assemble_book(
                 surface=replace(chosen.surface, thickness_m=thickness_m[name]),
                 interior=replace(chosen.interior, thickness_m=thickness_m[name]),
             )
-        book[name] = chosen
+        book[name] = PartMaterials(
+            surface=_with_law_warning(chosen.surface), interior=_with_law_warning(chosen.interior)
+        )
     return MaterialBook(book)
+
+
+def _with_law_warning(chosen: Material) -> Material:
+    """The material, saying so where the engine runs another law."""
+    warning = runnable_law(chosen)[1]
+    if warning is None or warning in chosen.warnings:
+        return chosen
+    return replace(chosen, warnings=(*chosen.warnings, warning))
 
 
 def _users(name: str) -> Material:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from phys4dgen.errors import FormatError, MaterialError, did_you_mean
 from phys4dgen.formats.atomic import atomic_path
@@ -51,8 +51,12 @@ def write_materials(path: Path | str, book: MaterialBook) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def read_materials(path: Path | str) -> dict[str, PartMaterials]:
+def read_materials(path: Path | str, part_names: tuple[str, ...] | None = None) -> dict[str, PartMaterials]:
     """Read a materials.yaml, by part name.
+
+    Args:
+        path: the file.
+        part_names: the parts that exist; None accepts any name.
 
     Raises:
         MaterialError: a key, a name or a value is wrong; names file, line, part and the way out.
@@ -66,6 +70,9 @@ def read_materials(path: Path | str) -> dict[str, PartMaterials]:
     root = reader.mapping(document.value, ())
     reader.known_keys(root, ("parts",), ())
     parts = reader.mapping(root.get("parts"), ("parts",))
+    for name in parts:
+        if part_names is not None and name not in part_names:
+            reader.refuse_part(str(name), part_names)
     return {str(name): reader.part(row, ("parts", name)) for name, row in parts.items()}
 
 
@@ -124,6 +131,11 @@ class _Reader:
             if key not in known:
                 hint = did_you_mean(str(key), known) or f" Known keys here: {', '.join(known)}."
                 raise self._error((*at, key), f"'{key}' is not a key of materials.yaml", hint)
+
+    def refuse_part(self, name: str, known: tuple[str, ...]) -> NoReturn:
+        """Say that there is no such part."""
+        hint = f"{did_you_mean(name, known)} The parts are {', '.join(known)}."
+        raise self._error(("parts", name), f"there is no part '{name}'", hint)
 
     def _material(self, row: Any, at: YamlPath) -> Material:
         if isinstance(row, str):
