@@ -138,7 +138,8 @@ def test_sheet_of_two_layers_bends_like_a_beam():
     t, h, L, width = 0.2 * dx, dx / 2, 14 * dx, 3 * dx
     axes = np.arange(0, L + 4 * dx, h) + h / 2, np.arange(0, width, h) + h / 2, np.array([-1, 1]) * t / (2 * 3**0.5)
     x = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    x = np.concatenate([x, [[-0.05 * dx + h / 2, h / 2, -1.3 * dx]]])  # sets where grid nodes lie
+    # sets where grid nodes lie: 0.4 dx inside the clamp, 0.14 dx below the sheet
+    x = np.concatenate([x, [[-0.4 * dx, h / 2, -1.14 * dx]]])
     held = (x[:, 0] < 4 * dx) | (np.arange(len(x)) == len(x) - 1)
     volume = np.full(len(x), h * h * t / 2)
     volume[-1] *= 1e-3

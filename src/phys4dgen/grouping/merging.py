@@ -26,7 +26,7 @@ MAX_PARTS = 60
 
 _WARD_REGIONS = 300
 _LEVEL = 20.0
-"""Merges within a part cost less than this, merges of two parts cost more."""
+"""Merges within a part cost less, merges of two parts more; chosen on the objects of docs/decisions/0008."""
 _MIN_AREA = 0.004
 """A region smaller than this share of the surface is a crumb and joins the part nearest in colour."""
 _CRUMB_APART_FACTOR = 2.0

@@ -6,17 +6,19 @@ paper's label grid, particles seeded, each with its part, its piece and its true
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.ndimage import binary_erosion, generate_binary_structure
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from phys4dgen.errors import StageError
 from phys4dgen.interior.bridge import BridgeReport, bridge_pieces
-from phys4dgen.interior.carve import carve
+from phys4dgen.interior.carve import carve, solid_share
 from phys4dgen.interior.density import accumulated_opacity, density_threshold
 from phys4dgen.interior.labels import label_cells
 from phys4dgen.interior.measure import GaussianCloud, covered_share, measure_rods, measure_sheets
@@ -31,6 +33,8 @@ __all__ = ["Interior", "discover_interior"]
 _FALLBACK_THICKNESS_M = 8e-4  # a leaf blade; the part's material may know better (materials/library.yaml)
 _LINK = 2.0  # voxels: particles closer than a grid cell hang together in MPM
 _MIN_TRUSTED_SHARE = 0.3
+_SETTLE_SITES = 24
+_LEAST_SHARE = 0.1  # of a voxel: no particle is without mass
 _MIN_RADIUS = 3.0  # voxels: of the neighbourhood in which a sheet is measured
 
 
@@ -64,6 +68,7 @@ def discover_interior(
     label_grid: int = 32,
     confidence: float = 0.95,
     max_cells_per_gaussian: int = 10,
+    wall_m: Mapping[int, float] | None = None,
 ) -> Interior:
     """Find the solid that the Gaussians enclose and fill it with particles.
 
@@ -77,6 +82,8 @@ def discover_interior(
         label_grid: cells of the label grid along the longest side (the paper's 32).
         confidence: of the chi-square test for surface cells.
         max_cells_per_gaussian: of the same test.
+        wall_m: wall thickness by part number where it is known: what lies deeper than the wall belongs to the part
+            that fills the vessel.
 
     Raises:
         StageError: nothing solid was found.
@@ -96,7 +103,7 @@ def discover_interior(
     agreement = float((carved & dense).sum() / max((carved | dense).sum(), 1))
     solid, bridges, bridge_report = bridge_pieces(carved | dense)
 
-    seeds = _seed(gaussians, solid, bridges, grid, frame)
+    seeds = _seed(gaussians, views, solid, bridges, grid, frame)
     positions_up = grid.centers(seeds.middle + seeds.offset)
     middle_up = grid.centers(seeds.middle)
 
@@ -115,6 +122,8 @@ def discover_interior(
     )
     part, is_interior = _part_of_particles(gaussians, parts, middle_up, seeds.shape, labelled, side, rotation)
     unit = frame.metres_per_unit
+    for number, wall in (wall_m or {}).items():
+        _fill_vessel(part, is_interior, number, middle_up, gaussians, parts, rotation, wall / unit)
     continuum = Continuum(
         positions=(positions_up @ rotation).astype(np.float32),  # what the run folder keeps, to the bit
         part=part,
@@ -131,7 +140,7 @@ def discover_interior(
     return Interior(continuum, bridge_report, int(solid.sum()), agreement, threshold)
 
 
-def _seed(gaussians, solid, bridges, grid, frame) -> Seeds:
+def _seed(gaussians, views, solid, bridges, grid, frame) -> Seeds:
     """Particles of the thick, sheet-like and rod-like regions."""
     thick, thin = split_thick_and_thin(solid)
     voxels = describe_thin_voxels(thin)
@@ -159,11 +168,20 @@ def _seed(gaussians, solid, bridges, grid, frame) -> Seeds:
     measured = np.concatenate([measured, np.zeros(len(ribbons), bool)])
     return join_seeds(
         [
-            seed_solid(thick),
+            seed_solid(*_solid_voxels(thick, solid, views, grid, frame.rotation)),
             seed_sheets(join_sites(sheets, ribbons), thickness, measured),
             seed_rods(rods.where(~flat, rods.extent), width[~flat], width_measured[~flat]),
         ]
     )
+
+
+def _solid_voxels(thick, solid, views, grid, rotation):
+    """Indices of the thick voxels, and the share of each that is solid: less than one at the body's surface."""
+    index = np.argwhere(thick)
+    share = np.ones(len(index))
+    rim = (solid & ~binary_erosion(solid, generate_binary_structure(3, 1)))[tuple(index.T)]
+    share[rim] = np.clip(solid_share(grid, index[rim], views, rotation), _LEAST_SHARE, 1)
+    return index, share
 
 
 def _cloud(gaussians, grid, rotation) -> GaussianCloud:
@@ -175,16 +193,20 @@ def _cloud(gaussians, grid, rotation) -> GaussianCloud:
 
 
 def _settle(position, value, trusted, fallback):
-    """Trusted readings smoothed by the median of 12 neighbours; the others take their neighbours' value.
+    """Median of the trusted readings among the 24 nearest sites, and whether there were enough of them.
 
-    Where too few readings can be trusted none is: a sparse capture's neighbourhoods cross from leaf to leaf.
+    Where too few neighbours can be trusted none is: a sparse capture's neighbourhoods cross from leaf to leaf.
     """
-    if len(value) == 0 or trusted.mean() < _MIN_TRUSTED_SHARE:
-        return np.full(len(value), fallback), np.zeros(len(value), bool)
-    known = np.flatnonzero(trusted)
-    k = min(12, len(known))
-    _, near = cKDTree(position[known]).query(position, k=k)
-    return np.median(value[known][near.reshape(len(position), k)], axis=1), np.ones(len(value), bool)
+    if len(value) == 0:
+        return value, np.zeros(0, bool)
+    k = min(_SETTLE_SITES, len(value))
+    _, near = cKDTree(position).query(position, k=k)
+    near = near.reshape(len(position), k)
+    readings = np.where(trusted[near], value[near], np.nan)
+    enough = trusted[near].mean(1) >= _MIN_TRUSTED_SHARE
+    settled = np.full(len(value), float(fallback))
+    settled[enough] = np.nanmedian(readings[enough], axis=1)
+    return settled, enough
 
 
 def _settle_ribbons(reading) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
@@ -257,6 +279,33 @@ def _part_of_particles(gaussians, parts, points_up, shape, labelled, side, rotat
     part[deep] = cell_part[deep]
     is_interior = labelled.is_interior[cell] & deep
     return part, is_interior
+
+
+def _fill_vessel(part, is_interior, vessel, points_up, gaussians, parts, rotation, wall):
+    """Give what lies deeper than the wall of a vessel to the part that is seen on top of it (in place).
+
+    No picture shows where pot ends and soil begins; a known wall thickness does.
+    """
+    mine = parts.labels == vessel
+    means = gaussians.means.astype(np.float64) @ rotation.T
+    members = np.flatnonzero(part == vessel)
+    if len(members) == 0 or mine.all():
+        return
+    distance, _ = cKDTree(means[mine]).query(points_up[members], workers=-1)
+    deep = members[distance > wall]
+    if len(deep) == 0:
+        return
+    # The filling is what is seen first when one looks up from inside: the lowest other Gaussian of each column.
+    others = np.flatnonzero(~mine & (gaussians.opacities > 0.3))
+    distance, above = cKDTree(means[others][:, :2]).query(points_up[deep][:, :2], k=min(32, len(others)), workers=-1)
+    above = others[above.reshape(len(deep), -1)]
+    height = np.where(distance.reshape(above.shape) < wall, means[above, 2], np.inf)
+    lowest = above[np.arange(len(deep)), height.argmin(1)][np.isfinite(height.min(1))]
+    if len(lowest) == 0:
+        return
+    filling = np.bincount(parts.labels[lowest], minlength=parts.count).argmax()
+    part[deep] = filling
+    is_interior[deep] = True
 
 
 def _pieces(middle, part) -> NDArray[np.int32]:

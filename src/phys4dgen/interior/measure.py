@@ -26,7 +26,8 @@ __all__ = [
     "sheet_thickness_from_moments",
 ]
 
-_NEIGHBORS = 64
+_NEIGHBORS = 192
+_ROD_NEIGHBORS = 384  # enough to reach all round a densely captured stem
 _MIN_NEIGHBORS = 24
 _MAX_FLATNESS = 0.1
 _SOLID_OPACITY = 0.3
@@ -188,7 +189,7 @@ def measure_rods(sites: Sites, section: NDArray[np.float64], cloud: GaussianClou
     means, covariances = cloud.means[solid], cloud.covariances[solid]
     values, vectors = np.linalg.eigh(covariances)
     long = values[:, 2] > 4 * values[:, 1]
-    k = min(96, len(means))
+    k = min(_ROD_NEIGHBORS, len(means))
     tree = cKDTree(means)
     axis = sites.direction
     position = sites.position.copy()

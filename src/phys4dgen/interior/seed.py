@@ -40,11 +40,17 @@ class Seeds:
     measured: NDArray[np.bool_]
 
 
-def seed_solid(thick: NDArray[np.bool_]) -> Seeds:
-    """One particle at the centre of every thick voxel; its volume is the voxel's."""
-    index = np.argwhere(thick).astype(np.float64)
+def seed_solid(index: NDArray[np.int64], share: NDArray[np.float64]) -> Seeds:
+    """One particle at the centre of every thick voxel; its volume is the share of the voxel that is solid."""
     p = len(index)
-    return Seeds(index, np.zeros((p, 3)), np.ones(p), np.full(p, SOLID, np.int8), np.full(p, np.nan), np.zeros(p, bool))
+    return Seeds(
+        index.astype(np.float64),
+        np.zeros((p, 3)),
+        share,
+        np.full(p, SOLID, np.int8),
+        np.full(p, np.nan),
+        np.zeros(p, bool),
+    )
 
 
 def seed_sheets(sites: Sites, thickness: NDArray[np.float64], measured: NDArray[np.bool_]) -> Seeds:

@@ -28,6 +28,13 @@ _ROD_REACH = 6
 _ROD_RATIO = 0.2
 """A neighbourhood is a rod where its second-largest variance is below this share of the largest."""
 
+_ROD_GROWTH = 2.4
+"""So is one that gains no more voxels than this from reach 3 to reach 6: rods and their branchings grow like the
+reach (13 / 7), sheets like its square (3.4)."""
+
+_COMPACT_RATIO = 0.5
+"""The same growth is seen in a strip wider than the reach, which is no rod: there the near variances are alike."""
+
 
 @dataclass(frozen=True, eq=False)
 class ThinVoxels:
@@ -104,10 +111,10 @@ def describe_thin_voxels(thin: NDArray[np.bool_]) -> ThinVoxels:
     for k in range(2, _ROD_REACH + 1):
         steps[k] = steps[k - 1] @ graph
         steps[k].data[:] = 1
-    near_middle, near_values, near_vectors = _local_moments(index, steps[_SHEET_REACH], _SHEET_REACH + 0.25)
-    _, values, vectors = _local_moments(index, steps[_ROD_REACH], _ROD_REACH + 0.25)
-    del near_values
+    near_middle, near, near_vectors, near_count = _local_moments(index, steps[_SHEET_REACH], _SHEET_REACH + 0.25)
+    _, values, vectors, count = _local_moments(index, steps[_ROD_REACH], _ROD_REACH + 0.25)
     rod = values[:, 1] < _ROD_RATIO * np.maximum(values[:, 2], 1e-9)
+    rod |= (count < _ROD_GROWTH * near_count) & (near[:, 1] < _COMPACT_RATIO * np.maximum(near[:, 2], 1e-9))
     rod = _majority(rod, steps[2])
     direction = np.where(rod[:, None], vectors[:, :, 2], near_vectors[:, :, 0])
     kind = np.where(rod, ROD, SHEET).astype(np.int8)
@@ -116,7 +123,7 @@ def describe_thin_voxels(thin: NDArray[np.bool_]) -> ThinVoxels:
 
 
 def _local_moments(index, reachable, radius):
-    """Centroid, ascending variances and their directions of the reachable voxels within ``radius`` of each voxel."""
+    """Centroid, ascending variances, their directions and the count of reachable voxels within ``radius`` of each."""
     pairs = reachable.tocoo()
     apart = index[pairs.row] - index[pairs.col]
     close = (apart * apart).sum(1) <= radius * radius
@@ -129,7 +136,7 @@ def _local_moments(index, reachable, radius):
     mean = (weights @ x) / count[:, None]
     second = ((weights @ products) / count[:, None]).reshape(-1, 3, 3)
     values, vectors = np.linalg.eigh(second - mean[:, :, None] * mean[:, None, :])
-    return mean, np.maximum(values, 0), vectors
+    return mean, np.maximum(values, 0), vectors, count
 
 
 def _majority(flag: NDArray[np.bool_], graph: sparse.csr_matrix) -> NDArray[np.bool_]:

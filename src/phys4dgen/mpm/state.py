@@ -9,7 +9,7 @@ from phys4dgen.mpm.body import Body
 from phys4dgen.mpm.kernels.layout import (
     AFFINE,
     COLUMN_COUNT,
-    DEFORMATION,
+    DISPLACEMENT_GRADIENT,
     INDEX,
     LAME_LAMBDA,
     LAME_MU,
@@ -61,7 +61,6 @@ class Particles:
         assert body.velocities_ms is not None
         columns = np.zeros((COLUMN_COUNT, len(index)), np.float32)
         columns[POSITION : POSITION + 3] = (body.positions_m[index] - self._origin_m).T
-        columns[DEFORMATION : DEFORMATION + 9 : 4] = 1
         columns[MASS] = np.where(real, body.mass_kg[index] / self.mass_unit_kg, 0)
         columns[VOLUME] = np.where(real, body.volume_m3[index] / self.mass_unit_kg, 0)
         columns[LAME_MU] = body.lame_mu_pa[index]
@@ -93,7 +92,7 @@ class Particles:
 
     def deformation_gradients(self) -> NDArray[np.float32]:
         """F of the moving particles, [M, 3, 3]."""
-        return self.read(DEFORMATION, 9).reshape(-1, 3, 3)
+        return self.read(DISPLACEMENT_GRADIENT, 9).reshape(-1, 3, 3) + np.eye(3, dtype=np.float32)
 
     def affine_per_s(self) -> NDArray[np.float32]:
         """APIC velocity gradient C of the moving particles, 1/s, [M, 3, 3]."""

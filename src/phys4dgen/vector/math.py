@@ -29,6 +29,7 @@ from phys4dgen.vector.lanes import (
 __all__ = [
     "determinant",
     "exp",
+    "identity_plus",
     "inline",
     "left_cauchy_green",
     "log",
@@ -83,6 +84,13 @@ def determinant(a):
     """Determinant of a 3 x 3 matrix."""
     a00, a01, a02, a10, a11, a12, a20, a21, a22 = a
     return a00 * (a11 * a22 - a12 * a21) - a01 * (a10 * a22 - a12 * a20) + a02 * (a10 * a21 - a11 * a20)
+
+
+@inline
+def identity_plus(a):
+    """I + A."""
+    a00, a01, a02, a10, a11, a12, a20, a21, a22 = a
+    return a00 + _f(1), a01, a02, a10, a11 + _f(1), a12, a20, a21, a22 + _f(1)
 
 
 @inline

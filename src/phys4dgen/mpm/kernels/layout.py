@@ -17,7 +17,7 @@ import numba
 __all__ = [
     "AFFINE",
     "COLUMN_COUNT",
-    "DEFORMATION",
+    "DISPLACEMENT_GRADIENT",
     "FUSED",
     "GATHER_ONLY",
     "INDEX",
@@ -39,7 +39,7 @@ LANES = 32
 """Particles that one batch computes side by side (two AVX-512 registers: the second hides the latency of the first)."""
 
 POSITION = 0  # 3 columns, m
-DEFORMATION = 3  # 9 columns, F row by row
+DISPLACEMENT_GRADIENT = 3  # 9 columns, H = F - I row by row: increments of F near 1 would be rounded away
 MASS = 12  # mean particle masses
 VOLUME = 13  # rest volume, m3 per mean particle mass in kg
 LAME_MU = 14  # Pa

@@ -19,7 +19,7 @@ import numpy as np
 
 from phys4dgen.mpm.kernels.layout import (
     AFFINE,
-    DEFORMATION,
+    DISPLACEMENT_GRADIENT,
     FUSED,
     GATHER_ONLY,
     LAME_LAMBDA,
@@ -85,6 +85,13 @@ def _store9(particles, at, stride, values):
     _store3(particles, at, stride, values[0:3])
     _store3(particles, at + 3 * stride, stride, values[3:6])
     _store3(particles, at + 6 * stride, stride, values[6:9])
+
+
+@inline
+def _add9(a, b):
+    a0, a1, a2, a3, a4, a5, a6, a7, a8 = a
+    b0, b1, b2, b3, b4, b5, b6, b7, b8 = b
+    return a0 + b0, a1 + b1, a2 + b2, a3 + b3, a4 + b4, a5 + b5, a6 + b6, a7 + b7, a8 + b8
 
 
 @inline
@@ -194,7 +201,7 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
     a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = zero
     for batch in range(first, last, LANES):
         position = _load3(particles, POSITION * stride + batch, stride)
-        f = _load9(particles, DEFORMATION * stride + batch, stride)
+        h = _load9(particles, DISPLACEMENT_GRADIENT * stride + batch, stride)
         fx, fy, fz = _prepare_weights(position, shift, bounds, inverse_dx, weights, nodes)
         if stage == SCATTER_ONLY:
             v0, v1, v2 = _load3(particles, VELOCITY * stride + batch, stride)
@@ -217,24 +224,14 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
                 _store3(particles, VELOCITY * stride + batch, stride, (v0, v1, v2))
                 c = (k * b00, k * b01, k * b02, k * b10, k * b11, k * b12, k * b20, k * b21, k * b22)
                 _store9(particles, AFFINE * stride + batch, stride, c)
-            k = k * dt  # F <- (I + dt C) F
-            g = matmul((k * b00, k * b01, k * b02, k * b10, k * b11, k * b12, k * b20, k * b21, k * b22), f)
-            f = (
-                f[0] + g[0],
-                f[1] + g[1],
-                f[2] + g[2],
-                f[3] + g[3],
-                f[4] + g[4],
-                f[5] + g[5],
-                f[6] + g[6],
-                f[7] + g[7],
-                f[8] + g[8],
-            )
+            k = k * dt  # F <- (I + dt C) F, so H <- H + dt C (I + H)
+            g = (k * b00, k * b01, k * b02, k * b10, k * b11, k * b12, k * b20, k * b21, k * b22)
+            h = _add9(h, _add9(g, matmul(g, h)))
         mu = load32(particles, LAME_MU * stride + batch)
         lam = load32(particles, LAME_LAMBDA * stride + batch)
-        f, tau = respond(law, f, mu, lam)
+        h, tau = respond(law, h, mu, lam)
         if stage != SCATTER_ONLY:
-            _store9(particles, DEFORMATION * stride + batch, stride, f)
+            _store9(particles, DISPLACEMENT_GRADIENT * stride + batch, stride, h)
         if stage == GATHER_ONLY:
             continue
         if stage == FUSED:

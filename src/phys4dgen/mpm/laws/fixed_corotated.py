@@ -8,6 +8,7 @@ Energy per rest volume and Kirchhoff stress, in the principal axes of b = F F^T:
 | symbol  | meaning                                             | unit |
 |---------|-----------------------------------------------------|------|
 | F       | deformation gradient                                | 1    |
+| H       | F - I, displacement gradient                        | 1    |
 | s_i     | singular values of F (square roots of those of b)   | 1    |
 | J       | det F                                               | 1    |
 | mu, lam | Lame parameters                                     | Pa   |
@@ -27,7 +28,7 @@ from numpy.typing import NDArray
 
 from phys4dgen.mpm.laws.law import Law, LawId, register
 from phys4dgen.vector.lanes import like, maximum, sqrt
-from phys4dgen.vector.math import inline, left_cauchy_green, symmetric_eigen, symmetric_from_eigen
+from phys4dgen.vector.math import identity_plus, inline, left_cauchy_green, symmetric_eigen, symmetric_from_eigen
 
 __all__ = ["FIXED_COROTATED", "energy_density_pa", "response"]
 
@@ -37,9 +38,9 @@ _1 = np.float32(1)
 
 
 @inline
-def response(f, mu, lam):
-    """(F, tau) for nine lanes of F; mu and lam in Pa."""
-    values, axes = symmetric_eigen(left_cauchy_green(f), _SWEEPS)
+def response(h, mu, lam):
+    """(H, tau) for nine lanes of H = F - I; mu and lam in Pa."""
+    values, axes = symmetric_eigen(left_cauchy_green(identity_plus(h)), _SWEEPS)
     least = like(mu, _SMALLEST_SQUARE)
     s0 = sqrt(maximum(values[0], least))
     s1 = sqrt(maximum(values[1], least))
@@ -52,7 +53,7 @@ def response(f, mu, lam):
         double_mu * (s1 - _1) * s1 + volumetric,
         double_mu * (s2 - _1) * s2 + volumetric,
     )
-    return f, symmetric_from_eigen(principal, axes)
+    return h, symmetric_from_eigen(principal, axes)
 
 
 def energy_density_pa(F: NDArray[Any], mu: NDArray[np.float64], lam: NDArray[np.float64]) -> NDArray[np.float64]:

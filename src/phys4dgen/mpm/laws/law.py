@@ -35,8 +35,9 @@ class Law:
 
     Attributes:
         law_id: its name in the public interface.
-        response: inlined vector function (F, mu, lam) -> (F, tau): nine lanes of deformation gradient, Lame parameters
-            in Pa; returns F after plastic flow (unchanged in elastic laws) and six lanes of Kirchhoff stress in Pa.
+        response: inlined vector function (H, mu, lam) -> (H, tau): nine lanes of displacement gradient H = F - I, Lame
+            parameters in Pa; returns H after plastic flow (unchanged in elastic laws) and six lanes of Kirchhoff stress
+            in Pa. H and not F, because a small strain beside the 1 of F would lose its digits.
         energy_density_pa: NumPy function (F [P, 3, 3], mu [P], lam [P]) -> stored energy per rest volume, J/m3, [P].
     """
 
@@ -76,16 +77,16 @@ def _unbox_law(law_type: Any, value: Any, context: Any) -> NativeValue:
     return NativeValue(context.context.get_dummy_value())
 
 
-def respond(law: Any, f: Any, mu: Any, lam: Any) -> Any:
-    """Inside kernels: (F, tau) of ``law`` for nine lanes of F and the Lame parameters; see ``Law.response``."""
+def respond(law: Any, h: Any, mu: Any, lam: Any) -> Any:
+    """Inside kernels: (H, tau) of ``law`` for nine lanes of H = F - I and the Lame parameters; see ``Law.response``."""
     raise NotImplementedError("respond works inside compiled kernels only.")
 
 
 @overload(respond, jit_options={"forceinline": True, "fastmath": True, "error_model": "numpy"})
-def _respond(law, f, mu, lam):
+def _respond(law, h, mu, lam):
     response = LAWS[LawId[law.law_name]].response
 
-    def call(law, f, mu, lam):
-        return response(f, mu, lam)
+    def call(law, h, mu, lam):
+        return response(h, mu, lam)
 
     return call

@@ -8,6 +8,7 @@ Energy per rest volume and Kirchhoff stress:
 | symbol  | meaning                                  | unit |
 |---------|------------------------------------------|------|
 | F       | deformation gradient                     | 1    |
+| H       | F - I, displacement gradient             | 1    |
 | b       | F F^T, left Cauchy-Green tensor          | 1    |
 | J       | det F                                    | 1    |
 | mu, lam | Lame parameters                          | Pa   |
@@ -28,7 +29,7 @@ from numpy.typing import NDArray
 
 from phys4dgen.mpm.laws.law import Law, LawId, register
 from phys4dgen.vector.lanes import like, maximum
-from phys4dgen.vector.math import determinant, inline, left_cauchy_green, log
+from phys4dgen.vector.math import determinant, identity_plus, inline, left_cauchy_green, log
 
 __all__ = ["NEO_HOOKEAN", "energy_density_pa", "response"]
 
@@ -36,12 +37,21 @@ _SMALLEST_J = np.float32(1e-6)  # keeps the logarithm finite in a simulation tha
 
 
 @inline
-def response(f, mu, lam):
-    """(F, tau) for nine lanes of F; mu and lam in Pa."""
-    b00, b01, b02, b11, b12, b22 = left_cauchy_green(f)
-    j = determinant(f)
-    pressure = lam * log(maximum(j, like(j, _SMALLEST_J))) - mu
-    return f, (mu * b00 + pressure, mu * b01, mu * b02, mu * b11 + pressure, mu * b12, mu * b22 + pressure)
+def response(h, mu, lam):
+    """(H, tau) for nine lanes of H = F - I; mu and lam in Pa."""
+    h00, h01, h02, h10, h11, h12, h20, h21, h22 = h
+    q00, q01, q02, q11, q12, q22 = left_cauchy_green(h)  # b - I = H + H^T + H H^T
+    j = determinant(identity_plus(h))
+    pressure = lam * log(maximum(j, like(j, _SMALLEST_J)))
+    tau = (
+        mu * (h00 + h00 + q00) + pressure,
+        mu * (h01 + h10 + q01),
+        mu * (h02 + h20 + q02),
+        mu * (h11 + h11 + q11) + pressure,
+        mu * (h12 + h21 + q12),
+        mu * (h22 + h22 + q22) + pressure,
+    )
+    return h, tau
 
 
 def energy_density_pa(F: NDArray[Any], mu: NDArray[np.float64], lam: NDArray[np.float64]) -> NDArray[np.float64]:
