@@ -6,6 +6,7 @@ The public names below are imported when they are first used, so that ``import p
 from __future__ import annotations
 
 import importlib
+import os
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -15,6 +16,11 @@ if TYPE_CHECKING:
     from phys4dgen.run.generate import Run, generate
     from phys4dgen.scene import Scene, dump_scene, load_scene
     from phys4dgen.types import Camera, Continuum, Gaussians, Material, MaterialBook, Parts, Trajectory, Views
+
+# Numba's OpenMP threads spin at barriers by default. The solver has two barriers in half a millisecond; beside any
+# other busy process a spinning thread waits for one that is not running, and two threads become ten times slower than
+# one. Must stand before the first parallel kernel loads the OpenMP library; the user's own choice wins.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 __all__ = [
     "Body",

@@ -24,8 +24,8 @@ __all__ = ["Assembly", "CappedPart", "PartThickening", "assemble_body"]
 _SHEET_LIMIT_CELLS = 1.0
 """Sheets are never thickened past one grid cell: their layers would part (0.58 of the thickness between them)."""
 
-_ROD_LIMIT_CELLS = 1.7
-"""Rods: their strands stand half a diameter apart."""
+_ROD_LIMIT_CELLS = 2.0
+"""Rods: their strands stand half a diameter apart, one cell at the most."""
 
 _LARGEST_CAPPED_STRAIN = 0.01
 
@@ -174,12 +174,12 @@ def _thickening(continuum, density, modulus, poisson, cell_m, max_wave_speed_ms)
     return np.maximum(np.minimum(wanted, limit), 1.0)
 
 
-def _p_wave_modulus(modulus, poisson):  # noqa: ANN001
-    """lam + 2 mu = E (1 - nu) / ((1 + nu) (1 - 2 nu))."""
+def _p_wave_modulus(modulus, poisson):
+    """P-wave modulus lam + 2 mu = E (1 - nu) / ((1 + nu) (1 - 2 nu))."""
     return modulus * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
 
 
-def _cap(part, names, solid, free, density, thin_density, thin_modulus, poisson, max_wave_speed_ms, extent_m):  # noqa: ANN001
+def _cap(part, names, solid, free, density, thin_density, thin_modulus, poisson, max_wave_speed_ms, extent_m):
     """Young's moduli with thick regions softened to the wave speed that the rest of the body needs anyway.
 
     A thick lump among thin leaves stays far stiffer than what it hangs on; its own strain rho (v^2 + g L) / E, with

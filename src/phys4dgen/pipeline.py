@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, TypeVar
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +22,7 @@ from phys4dgen.errors import SceneError, SimulationError
 from phys4dgen.formats import load_gaussians
 from phys4dgen.grouping.appearance import group_by_appearance
 from phys4dgen.grouping.from_file import parts_from_file, rename_parts, single_part
-from phys4dgen.interior import Interior, coarsened, discover_interior, with_thickness
+from phys4dgen.interior import Interior, coarsened, discover_interior, welded_share, with_thickness
 from phys4dgen.materials import assemble_book, identify_by_rules, read_materials
 from phys4dgen.motion import Held, ProbeResult, choose_held, damping_per_s, gust, probe_gust
 from phys4dgen.mpm import Acceleration, Settings, Simulator, stiff_parts
@@ -199,6 +200,7 @@ def fill(scene: Scene, asset: Asset, parts: Parts, progress: Progress) -> Interi
         label_grid=wanted.label_grid,
         confidence=wanted.confidence,
         max_cells_per_gaussian=wanted.max_particles_per_gaussian,
+        wall_m=_given_thickness(scene, parts),
     )
     found = interior.bridges
     progress.note(
@@ -234,6 +236,8 @@ def identify(scene: Scene, asset: Asset, parts: Parts, interior: Interior, progr
 
 # -------------------------------------------------------------------------------------------------------- motion
 
+_WELDED_WARNING = 0.25
+
 
 @dataclass
 class MotionFacts:
@@ -247,6 +251,7 @@ class MotionFacts:
         frequency_hz: lowest frequency that the probe saw.
         damping_per_s: mass-proportional damping.
         cell_m, cfl, substeps, dt_s: of the solver; substeps and dt per frame.
+        welded_share: share of thin surfaces that the grid cannot tell from their neighbours.
         thickening: parts that were simulated thicker than they are.
         capped: parts whose thick regions were simulated softer than they are.
         part_mass_g: true mass of each part.
@@ -262,6 +267,7 @@ class MotionFacts:
     damping_per_s: float = 0.0
     cell_m: float = 0.0
     cfl: float = 0.0
+    welded_share: float = 0.0
     thickening: list[Any] = field(default_factory=list)
     capped: list[Any] = field(default_factory=list)
     part_mass_g: dict[str, float] = field(default_factory=dict)
@@ -309,9 +315,15 @@ def move(
     facts.capped = list(assembly.capped)
     for cap in assembly.capped:
         progress.warn(
-            f"Part '{cap.part}': its thick regions are simulated with E = {cap.simulated_youngs_modulus_pa:.2g} Pa instead "
-            f"of {cap.true_youngs_modulus_pa:.2g} Pa to save time steps; strains there stay below "
+            f"Part '{cap.part}': its thick regions are simulated with E = {cap.simulated_youngs_modulus_pa:.2g} Pa "
+            f"instead of {cap.true_youngs_modulus_pa:.2g} Pa to save time steps; strains there stay below "
             f"{cap.largest_strain:.1%}, which is not seen."
+        )
+    facts.welded_share = welded_share(continuum, frame=asset.frame, free=~held.particles, cell_m=asset.cell_m)
+    if facts.welded_share > _WELDED_WARNING:
+        progress.warn(
+            f"{facts.welded_share:.0%} of the thin surfaces lie closer than two grid cells to another one and move as "
+            f"if glued to it; a finer grid (--grid {2 * scene.simulation.grid}) frees them."
         )
     facts.part_mass_g = _part_masses_g(parts, continuum, assembly)
     for warning in assembly.law_warnings:
@@ -323,7 +335,7 @@ def move(
         frame_time_s=scene.frame_time_s,
         damping_relative_to_rigid=not held.particles.any(),
         cfl=scene.simulation.cfl,
-        chunks=scene.simulation.chunks,
+        chunks=_chunks(scene),
         max_substeps_per_frame=scene.simulation.substep_limit,
     )
     stiff = stiff_parts(assembly.body, settings)
@@ -388,17 +400,18 @@ def move(
 
 def settled_thickness(scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, book: MaterialBook) -> Continuum:
     """The continuum with the thickness that the user gave, else measured, else the material's usual one."""
-    given = {
+    surfaces = {number: book.parts[name].surface for number, name in enumerate(parts.names)}
+    usual = {number: surface.thickness_m for number, surface in surfaces.items() if surface.thickness_m is not None}
+    return with_thickness(continuum, frame=asset.frame, given_m=_given_thickness(scene, parts), library_m=usual)
+
+
+def _given_thickness(scene: Scene, parts: Parts) -> dict[int, float]:
+    """Thickness that the user gave, by part number: of sheets and rods, and of the wall of a vessel."""
+    return {
         parts.names.index(name): options.thickness_m
         for name, options in scene.parts.items()
         if options.thickness_m is not None
     }
-    usual = {
-        number: book.parts[name].surface.thickness_m
-        for number, name in enumerate(parts.names)
-        if book.parts[name].surface.thickness_m is not None
-    }
-    return with_thickness(continuum, frame=asset.frame, given_m=given, library_m=usual)
 
 
 def _assembled(
@@ -447,10 +460,16 @@ def _probe(
         duration_s=scene.motion.duration_s,
         aim_m=scene.motion.amplitude_rel * asset.height_m,
         damping_ratio=scene.simulation.damping_ratio,
-        chunks=scene.simulation.chunks,
+        chunks=_chunks(scene),
         max_substeps=scene.simulation.substep_limit,
         on_frame=lambda k, n: progress.update(k, n, "frames of the coarse probe"),
     )
+
+
+def _chunks(scene: Scene) -> int:
+    """Chunks of the solver: as many as threads, unless the scene fixes them."""
+    chosen = scene.simulation.chunks
+    return numba.get_num_threads() if isinstance(chosen, str) else chosen
 
 
 def _wind_up(scene: Scene, asset: Asset) -> NDArray[np.float64]:
@@ -568,12 +587,14 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress) -> Film
 
 def _swept_box(asset: Asset, motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The robust box of everything the object passes through, upright axes, input units."""
-    visible = np.flatnonzero(asset.gaussians.opacities > 0.02)
+    # The haze round a capture would make the object small in the picture.
+    solid = np.flatnonzero(asset.gaussians.opacities > 0.3)
+    visible = solid if len(solid) > 1000 else np.arange(len(asset.gaussians))
     sample = visible[:: max(1, len(visible) // 20_000)]
-    lower, upper = asset.lower.copy(), asset.upper.copy()
+    lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
     for positions, _ in motion.frames():
         points = positions[sample].astype(np.float64) @ asset.frame.rotation.T
-        low, high = np.percentile(points, [0.5, 99.5], axis=0)
+        low, high = np.percentile(points, [0.2, 99.8], axis=0)
         lower, upper = np.minimum(lower, low), np.maximum(upper, high)
-    margin = 0.04 * (upper - lower).max()
+    margin = 0.02 * (upper - lower).max()
     return lower - margin, upper + margin

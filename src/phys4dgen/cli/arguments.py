@@ -58,7 +58,7 @@ _FLAGS = (
 _PREVIEW: dict[str, Any] = {
     "simulation.grid": 32,
     "simulation.max_substeps": 300,
-    "simulation.fps": 12.0,
+    "simulation.duration_s": 1.0,
     "views.size_px": 256,
     "output.frames": "none",
     "output.video.width": 400,

@@ -2,6 +2,7 @@
 
 from phys4dgen.interior.coarsen import coarsened
 from phys4dgen.interior.discover import Interior, discover_interior
+from phys4dgen.interior.gaps import welded_share
 from phys4dgen.interior.thickness import with_thickness
 
-__all__ = ["Interior", "coarsened", "discover_interior", "with_thickness"]
+__all__ = ["Interior", "coarsened", "discover_interior", "welded_share", "with_thickness"]

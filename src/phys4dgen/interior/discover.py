@@ -21,7 +21,7 @@ from phys4dgen.interior.bridge import BridgeReport, bridge_pieces
 from phys4dgen.interior.carve import carve, solid_share
 from phys4dgen.interior.density import accumulated_opacity, density_threshold
 from phys4dgen.interior.labels import label_cells
-from phys4dgen.interior.measure import GaussianCloud, covered_share, measure_rods, measure_sheets
+from phys4dgen.interior.measure import GaussianCloud, RodReading, covered_share, is_stout, measure_rods, measure_sheets
 from phys4dgen.interior.seed import Seeds, join_seeds, seed_rods, seed_sheets, seed_solid
 from phys4dgen.interior.sites import Sites, join_sites, ribbon_sites, rod_sites, sheet_sites
 from phys4dgen.interior.thin import describe_thin_voxels, split_thick_and_thin
@@ -33,7 +33,8 @@ __all__ = ["Interior", "discover_interior"]
 _FALLBACK_THICKNESS_M = 8e-4  # a leaf blade; the part's material may know better (materials/library.yaml)
 _LINK = 2.0  # voxels: particles closer than a grid cell hang together in MPM
 _MIN_TRUSTED_SHARE = 0.3
-_SETTLE_SITES = 24
+_SHEET_SITES = 24
+_ROD_REACH = 8.0  # voxels along a rod within which its width is one
 _LEAST_SHARE = 0.1  # of a voxel: no particle is without mass
 _MIN_RADIUS = 3.0  # voxels: of the neighbourhood in which a sheet is measured
 
@@ -143,15 +144,15 @@ def discover_interior(
 def _seed(gaussians, views, solid, bridges, grid, frame) -> Seeds:
     """Particles of the thick, sheet-like and rod-like regions."""
     thick, thin = split_thick_and_thin(solid)
-    voxels = describe_thin_voxels(thin)
     cloud = _cloud(gaussians, grid, frame.rotation)
+    voxels = describe_thin_voxels(thin, is_stout(np.argwhere(thin).astype(np.float64), cloud))
     fallback = _FALLBACK_THICKNESS_M / (grid.side * frame.metres_per_unit)
     height = np.ptp(gaussians.robust_bounds(rotation=frame.rotation), axis=0)[2]
 
     sheets = sheet_sites(voxels, bridges)
     sheets, thickness, trusted = measure_sheets(sheets, cloud, radius=max(0.016 * height / grid.side, _MIN_RADIUS))
     share = covered_share(sheets, cloud)
-    thickness, measured = _settle(sheets.position, thickness, trusted, fallback)
+    thickness, measured = _settle(sheets.position, thickness, trusted, fallback, sites=_SHEET_SITES)
     keep = _keep_connected(sheets, share > 0, solid=np.argwhere(thick))
     share = np.where(share > 0, share, 1 / 3)  # bridges and links stand for what the capture did not see
     thickness, measured = thickness[keep], measured[keep]
@@ -160,7 +161,7 @@ def _seed(gaussians, views, solid, bridges, grid, frame) -> Seeds:
     slices, section = rod_sites(voxels, bridges)
     reading = measure_rods(slices, section, cloud)
     rods = reading.sites
-    width, width_measured = _settle(rods.position, reading.width, reading.trusted, 1.0)
+    width, width_measured = _settle_width(reading)
     width = np.clip(width, 0.2, 6.0)
     flat, across = _settle_ribbons(reading)
     ribbons = ribbon_sites(rods.where(flat, rods.extent), width[flat], across[flat])
@@ -192,14 +193,14 @@ def _cloud(gaussians, grid, rotation) -> GaussianCloud:
     return GaussianCloud(means, covariances, near.opacities.astype(np.float64))
 
 
-def _settle(position, value, trusted, fallback):
-    """Median of the trusted readings among the 24 nearest sites, and whether there were enough of them.
+def _settle(position, value, trusted, fallback, *, sites):
+    """Median of the trusted readings among the nearest ``sites``, and whether there were enough of them.
 
     Where too few neighbours can be trusted none is: a sparse capture's neighbourhoods cross from leaf to leaf.
     """
     if len(value) == 0:
         return value, np.zeros(0, bool)
-    k = min(_SETTLE_SITES, len(value))
+    k = min(sites, len(value))
     _, near = cKDTree(position).query(position, k=k)
     near = near.reshape(len(position), k)
     readings = np.where(trusted[near], value[near], np.nan)
@@ -207,6 +208,29 @@ def _settle(position, value, trusted, fallback):
     settled = np.full(len(value), float(fallback))
     settled[enough] = np.nanmedian(readings[enough], axis=1)
     return settled, enough
+
+
+def _settle_width(reading: RodReading) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Width of each rod from the sites up and down the same rod, and whether there was one to be read.
+
+    Where a petiole leaves its stem a slice holds both and reads too wide; a low quantile along the rod does not.
+    """
+    sites = reading.sites
+    width = np.ones(len(sites))
+    measured = reading.trusted.copy()
+    if len(sites) == 0:
+        return width, measured
+    near = cKDTree(sites.position).query_ball_point(sites.position, _ROD_REACH)
+    for site, others in enumerate(near):
+        others = np.array(sorted(others))
+        axis = sites.direction[site]
+        apart = sites.position[others] - sites.position[site]
+        across = np.linalg.norm(apart - (apart @ axis)[:, None] * axis, axis=1)
+        same = (across < 1.5) & (np.abs(sites.direction[others] @ axis) > 0.85) & reading.trusted[others]
+        if same.any():
+            width[site] = np.quantile(reading.width[others[same]], 0.3)
+            measured[site] = True
+    return width, measured
 
 
 def _settle_ribbons(reading) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:

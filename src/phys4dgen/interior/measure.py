@@ -30,6 +30,8 @@ _NEIGHBORS = 192
 _ROD_NEIGHBORS = 384  # enough to reach all round a densely captured stem
 _MIN_NEIGHBORS = 24
 _MAX_FLATNESS = 0.1
+_STOUT_RADIUS = 2.0
+_STOUT_FLATNESS = 0.25
 _SOLID_OPACITY = 0.3
 _RIBBON_RATIO = 0.15  # of the squared diameters: about 2.6 times as wide as thick
 _FACE_SHARES = np.linspace(0, 1, 101)
@@ -82,6 +84,23 @@ def covered_share(sites: Sites, cloud: GaussianCloud) -> NDArray[np.float64]:
             alpha[np.abs(np.einsum("sb,skb->sk", n, apart)) > 1.5] = 0
             covered += 1 - np.prod(1 - alpha, axis=1) > 0.5
     return covered / 9
+
+
+def is_stout(points: NDArray[np.float64], cloud: GaussianCloud) -> NDArray[np.bool_]:
+    """Whether the Gaussians within two voxels of each point [T, 3] are many and certainly do not lie in a plane."""
+    solid = cloud.opacities > _SOLID_OPACITY
+    if len(points) == 0 or solid.sum() < _MIN_NEIGHBORS:
+        return np.zeros(len(points), bool)
+    means = cloud.means[solid]
+    k = min(_NEIGHBORS, len(means))
+    distance, near = cKDTree(means).query(points, k=k, distance_upper_bound=_STOUT_RADIUS, workers=-1)
+    present = np.isfinite(distance)
+    count = present.sum(1)
+    weight = present / np.maximum(count, 1)[:, None]
+    around = means[np.where(present, near, 0)]
+    spread = around - np.einsum("tk,tkb->tb", weight, around)[:, None]
+    values = np.linalg.eigvalsh(np.einsum("tk,tka,tkb->tab", weight, spread, spread))
+    return (count >= _MIN_NEIGHBORS) & (values[:, 0] > _STOUT_FLATNESS * values[:, 1])
 
 
 def measure_sheets(

@@ -35,6 +35,9 @@ reach (13 / 7), sheets like its square (3.4)."""
 _COMPACT_RATIO = 0.5
 """The same growth is seen in a strip wider than the reach, which is no rod: there the near variances are alike."""
 
+_STOUT_RATIO = 0.7
+"""Where the Gaussians say that a thing is not flat, this much elongation makes it a rod: a stem where leaves join."""
+
 
 @dataclass(frozen=True, eq=False)
 class ThinVoxels:
@@ -101,8 +104,13 @@ def neighbor_graph(index: NDArray[np.int64], shape: tuple[int, ...]) -> sparse.c
     return sparse.csr_matrix((ones, (row, column)), shape=(len(index), len(index)))
 
 
-def describe_thin_voxels(thin: NDArray[np.bool_]) -> ThinVoxels:
-    """Tell sheets from rods, with the normal or axis and the middle at each thin voxel."""
+def describe_thin_voxels(thin: NDArray[np.bool_], stout: NDArray[np.bool_] | None = None) -> ThinVoxels:
+    """Tell sheets from rods, with the normal or axis and the middle at each thin voxel.
+
+    Args:
+        thin: the voxels, [nx, ny, nz].
+        stout: for each thin voxel in C order, whether the Gaussians around it are certainly not flat, [T].
+    """
     index = np.argwhere(thin)
     if len(index) == 0:
         return ThinVoxels(index, np.zeros(0, np.int8), np.zeros((0, 3)), np.zeros((0, 3)))
@@ -115,6 +123,8 @@ def describe_thin_voxels(thin: NDArray[np.bool_]) -> ThinVoxels:
     _, values, vectors, count = _local_moments(index, steps[_ROD_REACH], _ROD_REACH + 0.25)
     rod = values[:, 1] < _ROD_RATIO * np.maximum(values[:, 2], 1e-9)
     rod |= (count < _ROD_GROWTH * near_count) & (near[:, 1] < _COMPACT_RATIO * np.maximum(near[:, 2], 1e-9))
+    if stout is not None:
+        rod |= stout & (near[:, 1] < _STOUT_RATIO * np.maximum(near[:, 2], 1e-9))
     rod = _majority(rod, steps[2])
     direction = np.where(rod[:, None], vectors[:, :, 2], near_vectors[:, :, 0])
     kind = np.where(rod, ROD, SHEET).astype(np.int8)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.mpm.held import HeldNodes
+from phys4dgen.mpm.kernels.sorting import span_rows
 
 __all__ = ["Grid"]
 
@@ -38,6 +39,7 @@ class Grid:
         self.momentum = np.zeros((chunks, 4 * count + _SPARE), np.float32)
         self.velocity = np.zeros(4 * count + _SPARE, np.float32)
         self.free = np.ones(count + _SPARE, np.float32)
+        self._spans = np.zeros((chunks, *self.nodes[:2], 2), np.int32)
         held.write_to(self.free[:count].reshape(self.nodes), self.shift)
 
     @staticmethod
@@ -57,32 +59,21 @@ class Grid:
         x, y, z = (int(n) for n in self.shift)
         return x, y, z, self.nodes[1], self.nodes[2]
 
-    def active_box(self, extent: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Nodes [x0, x1, y0, y1, z0, z1) that particles spanning ``extent`` may touch until the next sort."""
-        low = extent[0::2] - self.shift - _DRIFT
-        high = extent[1::2] - self.shift + _DRIFT + _ROW
-        low[2] = low[2] // _GROUP * _GROUP
-        high[2] = -(-high[2] // _GROUP) * _GROUP
-        return np.stack([low, high], 1).ravel()
-
     def chunk_limits(
-        self, cells_x: NDArray[np.int32], ranges: NDArray[np.int64], extent: NDArray[np.int64]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-        """Planes [chunks, 2] that each chunk may write to and bounds [chunks, 6] of its particles' lowest nodes.
+        self, cells: NDArray[np.int32], ranges: NDArray[np.int64], extent: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Spans [chunks, nx, ny, 2] that each chunk may write to and bounds [chunks, 6] of its lowest nodes.
 
-        ``cells_x`` are the lowest world nodes along x in sorted order, ``ranges`` as in ``step.advance``.
+        ``cells`` are the particles' lowest world nodes in sorted order, ``ranges`` as in ``step.advance``.
         """
         chunks = ranges.shape[1]
-        planes = np.zeros((chunks, 2), np.int64)
+        span_rows(cells, ranges, self.shift, self._spans)
         bounds = np.zeros((chunks, 6), np.int32)
         bounds[:, 2::2] = extent[2::2] - self.shift[1:] - _DRIFT
         bounds[:, 3::2] = extent[3::2] - self.shift[1:] + _DRIFT
         for chunk in range(chunks):
             filled = [(first, last) for first, last in ranges[:, chunk] if last > first]
-            if not filled:
-                continue
-            low = min(cells_x[first] for first, _ in filled) - self.shift[0] - _DRIFT
-            high = max(cells_x[last - 1] for _, last in filled) - self.shift[0] + _DRIFT
-            planes[chunk] = low, high + _ROW
-            bounds[chunk, :2] = low, high
-        return planes, bounds
+            if filled:
+                bounds[chunk, 0] = min(cells[0, first] for first, _ in filled) - self.shift[0] - _DRIFT
+                bounds[chunk, 1] = max(cells[0, last - 1] for _, last in filled) - self.shift[0] + _DRIFT
+        return self._spans, bounds

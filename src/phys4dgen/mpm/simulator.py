@@ -145,7 +145,7 @@ class Simulator:
         for law_ranges in particles.ranges:
             order_by_cell(self._cells, self._extent, law_ranges[0, 0], law_ranges[-1, 1], self._counts, self._order)
         self._cells = self._cells[:, self._order]
-        planes, bounds = grid.chunk_limits(self._cells[0], particles.ranges, self._extent)
+        spans, bounds = grid.chunk_limits(self._cells, particles.ranges, self._extent)
         everything, parts = velocity_gains_ms(settings, times_s, len(self.body.part_names))
         kicks = parts if parts.any() else parts[:, :0]
         damping = -math.expm1(-settings.damping_per_s * dt_s)
@@ -155,9 +155,8 @@ class Simulator:
             particles.spare,
             self._order,
             particles.ranges,
-            planes,
+            spans,
             bounds,
-            grid.active_box(self._extent),
             grid.momentum,
             grid.velocity,
             grid.free,

@@ -35,9 +35,8 @@ def advance(
     particles,
     order,
     ranges,
-    planes,
+    spans,
     bounds,
-    box,
     momentum,
     velocity,
     free,
@@ -57,9 +56,8 @@ def advance(
         particles: result, the same columns in the new order.
         order: order[i] is the place in ``unsorted`` of the particle that comes to place i, int32 [stride].
         ranges: first and one past last particle of each law in each chunk, int64 [laws, chunks, 2].
-        planes: first and one past last grid plane that each chunk may write to, int64 [chunks, 2].
+        spans: nodes along z that each chunk may write to, by plane and row, int32 [chunks, nx, ny, 2].
         bounds: permitted lowest nodes of the particles of each chunk, int32 [chunks, 6].
-        box: active nodes, int64 [6].
         momentum: private momentum grids, zero, float32 [chunks, 4 nodes + 64].
         velocity: grid velocity, float32 [4 nodes + 64].
         free: 1 where a node may move, else 0, float32 [nodes + 64].
@@ -75,7 +73,7 @@ def advance(
         for i in range(particles.shape[1]):
             particles[column, i] = unsorted[column, order[i]]
     substeps = len(gains)
-    chunks = len(planes)
+    chunks = spans.shape[0]
     inverse_dx = np.float32(1) / dx
     flat = particles.ravel()
     stride = particles.shape[1]
@@ -83,9 +81,9 @@ def advance(
         if substep == 0:
             stage = SCATTER_ONLY
         else:
-            for plane in prange(box[0], box[1]):
+            for plane in prange(spans.shape[1]):
                 now = substep - 1
-                grid_plane(plane, box, planes, momentum, velocity, free, grid, dx, gains[now], damping, rigid[now])
+                grid_plane(plane, spans, momentum, velocity, free, grid, dx, gains[now], damping, rigid[now])
             stage = GATHER_ONLY if substep == substeps else FUSED
         coming = min(substep, substeps - 1)
         for chunk in prange(chunks):

@@ -155,7 +155,7 @@ class PartOptions(_Section):
     interior_material: str | None = None
     """null: as the surface"""
     thickness_m: Annotated[float, Field(gt=0, lt=1)] | None = None
-    """of a sheet or rod; null: measured, else the library's"""
+    """of a sheet, a rod or the wall of a vessel; null: measured, else the library's"""
 
 
 class AccelerationForce(_Section):
@@ -214,9 +214,9 @@ class Simulation(_Section):
     substep_limit: Annotated[int, Field(ge=10, le=10_000_000)] = 20_000
     """per frame: a part that still needs more is refused; hold it or soften it"""
     threads: Auto | Annotated[int, Field(ge=1, le=1024)] = "auto"
-    """auto: all cores; the result does not depend on it"""
-    chunks: Annotated[int, Field(ge=1, le=1024)] = 8
-    """groups of particles that are summed apart; fixes the order of summation"""
+    """auto: all cores; at a given number of chunks the result does not depend on it"""
+    chunks: Auto | Annotated[int, Field(ge=1, le=1024)] = "auto"
+    """groups of particles that are summed apart, which fixes the order of summation; auto: the number of threads"""
 
 
 class Video(_Section):

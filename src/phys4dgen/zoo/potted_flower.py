@@ -26,6 +26,7 @@ from phys4dgen.zoo.flower_shapes import (
     SOIL_HEIGHT_M,
     STEM,
     UP,
+    WALL_M,
     FlowerShapes,
 )
 from phys4dgen.zoo.patch import Array, Patch, joined
@@ -152,8 +153,13 @@ def _default_scene(height_m: float) -> dict[str, Any]:
         "height_m": height_m,
         "grouping": {"names": dict(enumerate(PART_NAMES))},
         "motion": {"preset": "sway"},
+        "simulation": {"grid": 48},  # a demo should not keep anyone waiting for a minute
         "parts": {
-            name: {"hold": "fixed" if name in held else "free", "material": material}
+            name: {
+                "hold": "fixed" if name in held else "free",
+                "material": material,
+                **({"thickness_m": WALL_M} if name == "pot" else {}),
+            }
             for name, material in materials.items()
         },
     }

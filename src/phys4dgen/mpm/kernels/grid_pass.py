@@ -31,13 +31,15 @@ _node_in_group = constant16([0] * 4 + [1] * 4 + [2] * 4 + [3] * 4)
 
 
 @kernel
-def grid_plane(plane, box, planes_of_chunk, momentum, velocity, free, grid, dx, gain, damping, rigid):
+def grid_plane(plane, spans, momentum, velocity, free, grid, dx, gain, damping, rigid):
     """Update one plane of nodes.
+
+    A plant fills little of its box: only the nodes that some chunk may have written to are visited.
 
     Args:
         plane: node number along x.
-        box: active nodes [x0, x1, y0, y1, z0, z1); z0 and the grid's nz are multiples of 4.
-        planes_of_chunk: first and one past last plane that each chunk wrote to, int, [chunks, 2].
+        spans: first and one past last node along z that each chunk may write to, by plane and row; multiples of 4,
+            empty where it writes nothing, int32 [chunks, nx, ny, 2].
         momentum: private grids [chunks, 4 nodes], float32; set to zero again.
         velocity: result (vx, vy, vz, .) per node, m/s, flat float32.
         free: 1 where a node may move, 0 where it is held, per node, float32.
@@ -57,17 +59,25 @@ def grid_plane(plane, box, planes_of_chunk, momentum, velocity, free, grid, dx, 
     wx, wy, wz = rigid[3], rigid[4], rigid[5]
     rx = (plane + grid[0]) * dx - rigid[6]
     per_node = (ex * wy - ey * wx) * dx
-    for row in range(box[2], box[3]):
+    chunks = spans.shape[0]
+    for row in range(ny):
+        low, high = nz, 0
+        for chunk in range(chunks):
+            if spans[chunk, plane, row, 1] > spans[chunk, plane, row, 0]:
+                low = min(low, spans[chunk, plane, row, 0])
+                high = max(high, spans[chunk, plane, row, 1])
+        if high <= low:
+            continue
         ry = (row + grid[1]) * dx - rigid[7]
-        rz = (box[4] + grid[2]) * dx - rigid[8]
+        rz = (low + grid[2]) * dx - rigid[8]
         row_start = ex * (rigid[0] + wy * rz - wz * ry) + ey * (rigid[1] + wz * rx - wx * rz)
         undamped = row_start + ez * (rigid[2] + wx * ry - wy * rx) + per_node * _node_in_group()
         base = (plane * ny + row) * nz
-        for column in range(box[4], box[5], 4):
+        for column in range(low, high, 4):
             at = (base + column) * 4
             total = zero
-            for chunk in range(planes_of_chunk.shape[0]):
-                if planes_of_chunk[chunk, 0] <= plane < planes_of_chunk[chunk, 1]:
+            for chunk in range(chunks):
+                if spans[chunk, plane, row, 0] <= column < spans[chunk, plane, row, 1]:
                     total = total + load16(momentum[chunk], at)
                     store(momentum[chunk], at, zero)
             mass = group_last(total)

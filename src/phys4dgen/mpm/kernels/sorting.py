@@ -6,7 +6,7 @@ import numpy as np
 
 from phys4dgen.mpm.kernels.layout import POSITION, VELOCITY, strict_kernel
 
-__all__ = ["NEVER_SEEN", "inspect_particles", "order_by_cell"]
+__all__ = ["NEVER_SEEN", "inspect_particles", "order_by_cell", "span_rows"]
 
 NEVER_SEEN = -(2**30)
 """In ``previous``: this particle has no earlier cell to be compared with."""
@@ -85,3 +85,37 @@ def order_by_cell(cells, extent, first, last, counts, order):
         key = ((cells[0, p] - extent[0]) * ny + (cells[1, p] - extent[2])) * nz + (cells[2, p] - extent[4])
         order[first + counts[key]] = p
         counts[key] += 1
+
+
+@strict_kernel
+def span_rows(cells, ranges, shift, spans):
+    """Find which nodes of each row of the grid the particles of each chunk may write to until the next sort.
+
+    A particle with lowest node b writes the nodes b .. b + 2 along x and y and b .. b + 3 along z (rows of lanes), and
+    may drift by one cell.
+
+    Args:
+        cells: lowest node of each particle in sorted order, world cells, int32 [3, stride].
+        ranges: first and one past last particle of each law in each chunk, int64 [laws, chunks, 2].
+        shift: world node of the grid's first node, int64 [3].
+        spans: result, int32 [chunks, nx, ny, 2]; rounded outwards to multiples of 4, empty (0, 0) where untouched.
+    """
+    spans[:] = 0
+    for chunk in range(spans.shape[0]):
+        for law in range(ranges.shape[0]):
+            last_x, last_y, last_z = -1, -1, -1
+            for p in range(ranges[law, chunk, 0], ranges[law, chunk, 1]):
+                x, y, z = cells[0, p] - shift[0], cells[1, p] - shift[1], cells[2, p] - shift[2]
+                if x == last_x and y == last_y and z == last_z:
+                    continue
+                last_x, last_y, last_z = x, y, z
+                low = (z - 1) // 4 * 4
+                high = (z + 5 + 3) // 4 * 4
+                for plane in range(x - 1, x + 4):
+                    for row in range(y - 1, y + 4):
+                        if spans[chunk, plane, row, 1] == 0:
+                            spans[chunk, plane, row, 0] = low
+                            spans[chunk, plane, row, 1] = high
+                        else:
+                            spans[chunk, plane, row, 0] = min(spans[chunk, plane, row, 0], low)
+                            spans[chunk, plane, row, 1] = max(spans[chunk, plane, row, 1], high)

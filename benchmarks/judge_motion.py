@@ -1,0 +1,111 @@
+"""Judge the motion in a run folder by the figures of a right sway (Done-when of the first issue, MOTION.md).
+
+    python benchmarks/judge_motion.py RUN [--axis y --moving-below 0.1 --still-above 0.27]
+
+Prints: displacement of what moves (99th percentile and largest, share of the height) and of what must not; what is left
+of the displacement after the best affine fit; frequency and damping ratio of the tip after the gust; and how far the
+edges of the 8-neighbour graph of Gaussians and of particles inside one part grow.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from phys4dgen.formats import load_gaussians
+from phys4dgen.motion import damped_frequency
+
+
+def main() -> None:
+    """Read the run folder and print its figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=Path)
+    parser.add_argument("--axis", choices="xyz", default="y", help="input axis that tells moving from still")
+    parser.add_argument("--moving-below", type=float, help="Gaussians with a smaller coordinate should move")
+    parser.add_argument("--still-above", type=float, help="Gaussians with a larger coordinate should not")
+    options = parser.parse_args()
+
+    gaussians = load_gaussians(options.run / "gaussians.ply")
+    groups = np.load(options.run / "groups.npz", allow_pickle=False)
+    motion = np.load(options.run / "trajectory.npz", allow_pickle=False)
+    cameras = json.loads((options.run / "views" / "cameras.json").read_text("utf-8"))
+    continuum = np.load(options.run / "continuum.npz", allow_pickle=False)
+    times, positions = motion["times_s"], motion["positions"]
+    rest, up = gaussians.means, np.array(cameras["up"])
+    lower, upper = np.percentile(rest[gaussians.opacities > 0.02] @ up, [0.5, 99.5])
+    height = upper - lower
+    across = rest[:, "xyz".index(options.axis)]
+    moving = np.ones(len(rest), bool) if options.moving_below is None else across < options.moving_below
+    still = np.zeros(len(rest), bool) if options.still_above is None else across > options.still_above
+
+    size = np.stack([np.linalg.norm(frame - rest, axis=1) for frame in positions])
+    largest = size.max(0)
+    print(f"moving: 99th percentile {np.percentile(largest[moving], 99) / height:.3f} of the height", end=", ")
+    print(f"largest {largest[moving].max() / height:.3f}")
+    if still.any():
+        print(f"still: largest {largest[still].max() / height:.5f} of the height")
+    print(f"not jelly: residual after the best affine fit {_affine_residual(rest, positions, moving):.3f} of the RMS")
+    _report_tip(times, positions - rest, moving, largest, options.run)
+    unit = float(cameras["metres_per_unit"])
+    spacing = float(continuum["spacing_m"]) / unit
+    _report_edges("Gaussians", rest, groups["labels"], positions, spacing, visible=gaussians.opacities > 0.1)
+
+
+def _affine_residual(rest, positions, moving) -> float:
+    """Median over the livelier half of the frames of RMS(displacement - affine fit) / RMS(displacement)."""
+    basis = np.column_stack([rest[moving], np.ones(moving.sum())]).astype(np.float64)
+    inverse = np.linalg.pinv(basis)
+    rms, left = [], []
+    for frame in positions:
+        displacement = (frame - rest)[moving].astype(np.float64)
+        rms.append(np.sqrt((displacement**2).mean()))
+        left.append(np.sqrt(((displacement - basis @ (inverse @ displacement)) ** 2).mean()))
+    rms, left = np.array(rms), np.array(left)
+    lively = rms > 0.5 * rms.max()
+    return float(np.median(left[lively] / rms[lively]))
+
+
+def _report_tip(times, displacement, moving, largest, run: Path) -> None:
+    """Frequency and damping ratio of the part of the object that moves most, after the gust."""
+    facts = json.loads((run / "motion.json").read_text("utf-8"))
+    low, high = np.percentile(largest[moving], [90, 99.5])
+    tip = moving & (largest >= low) & (largest <= high)
+    mean = displacement[:, tip].mean(1).astype(np.float64)
+    _, _, axes = np.linalg.svd(mean - mean.mean(0), full_matrices=False)
+    after = times > facts["gust_s"]
+    signal = (mean @ axes[0])[after]
+    frequency, ratio = damped_frequency(signal, times[1] - times[0])
+    print(
+        f"tip: {frequency:.2f} Hz, damping ratio {ratio:.3f} (fitted over {times[after][-1] - times[after][0]:.1f} s)"
+    )
+
+
+def _report_edges(what: str, rest, labels, positions, spacing: float, *, visible) -> None:
+    """How many edges of the 8-neighbour graph within one part grow by more than half of max(length, spacing)."""
+    index = np.flatnonzero(visible)
+    points = rest[index].astype(np.float64)
+    starts, ends = [], []
+    for label in np.unique(labels[index]):
+        own = np.flatnonzero(labels[index] == label)
+        if len(own) > 8:
+            _, near = cKDTree(points[own]).query(points[own], k=9)
+            starts.append(np.repeat(own, 8))
+            ends.append(own[near[:, 1:]].ravel())
+    start, end = np.concatenate(starts), np.concatenate(ends)
+    length = np.linalg.norm(points[start] - points[end], axis=1)
+    allowed = 0.5 * np.maximum(length, spacing)
+    worst = np.zeros(len(length))
+    for frame in positions:
+        moved = frame[index]
+        worst = np.maximum(worst, np.linalg.norm(moved[start] - moved[end], axis=1) - length)
+    torn = worst > allowed
+    limit = (worst / allowed).max()
+    print(f"edges between {what}: {torn.sum()} of {len(torn)} grow too far; worst {limit:.2f} of what is allowed")
+
+
+if __name__ == "__main__":
+    main()
