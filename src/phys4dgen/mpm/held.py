@@ -1,21 +1,27 @@
 """Held parts: grid nodes whose velocity stays zero.
 
 A node is held where more than half of the mass around it, at rest, belongs to held particles. Held particles
-themselves are not simulated.
+themselves are not simulated, but for a skin of those that share a free node with the moving body: without them there
+would be no material between the last held node and the first moving particle, a hinge instead of a clamp.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
-__all__ = ["HeldNodes", "spline_weights"]
+from phys4dgen.mpm.body import Body
+
+__all__ = ["HeldNodes", "spline_weights", "with_simulated_skin"]
 
 _HELD_SHARE = 0.5
+_SKIN_CELLS = 2.5  # particles farther apart share no node
+_MATERIAL = ("density_kgm3", "youngs_modulus_pa", "poisson_ratio", "law")
 
 
 def spline_weights(places: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[Any]]:
@@ -66,3 +72,41 @@ class HeldNodes:
         there = tuple(slice(a, b) for a, b in zip(low - shift, high - shift, strict=True))
         here = tuple(slice(a, b) for a, b in zip(low - self.first, high - self.first, strict=True))
         free[there][self.mask[here]] = 0
+
+    def touches_free(self, places: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether any of the 27 nodes around each place in cells [P, 3] is free."""
+        lowest = np.floor(places - 0.5).astype(np.int64) - self.first
+        result = np.zeros(len(places), np.bool_)
+        for offset in product(range(3), repeat=3):
+            node = lowest + offset
+            inside = ((node >= 0) & (node < self.mask.shape)).all(1)
+            held = np.zeros(len(places), np.bool_)
+            held[inside] = self.mask[tuple(node[inside].T)]
+            result |= ~held
+        return result
+
+
+def with_simulated_skin(body: Body, held: HeldNodes, places: NDArray[Any]) -> Body:
+    """The body as it is simulated: held particles that share a free node with moving ones are not left out.
+
+    They take the material of the nearest moving particle, so that a stiff pot does not shorten the time step; held
+    nodes keep them in place. Frames report them at rest.
+
+    Args:
+        body: as given.
+        held: its held nodes.
+        places: rest places in cells, [P, 3].
+    """
+    still = np.flatnonzero(body.held)
+    moving = np.flatnonzero(~body.held)
+    if len(still) == 0 or len(moving) == 0:
+        return body
+    distance, near = KDTree(places[moving]).query(places[still], distance_upper_bound=_SKIN_CELLS)
+    skin = np.isfinite(distance) & held.touches_free(places[still])
+    chosen, donor = still[skin], moving[near[skin]]
+    simulated = {name: getattr(body, name).copy() for name in _MATERIAL}
+    for values in simulated.values():
+        values[chosen] = values[donor]
+    frozen = body.held.copy()
+    frozen[chosen] = False
+    return replace(body, held=frozen, **simulated)

@@ -14,7 +14,7 @@ from phys4dgen.mpm import diagnostics
 from phys4dgen.mpm.body import Body
 from phys4dgen.mpm.forces import peak_acceleration_ms2, velocity_gains_ms
 from phys4dgen.mpm.grid import Grid
-from phys4dgen.mpm.held import HeldNodes
+from phys4dgen.mpm.held import HeldNodes, with_simulated_skin
 from phys4dgen.mpm.kernels.layout import AFFINE, MASS, PART, POSITION, VELOCITY
 from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
 from phys4dgen.mpm.settings import Settings
@@ -81,11 +81,11 @@ class Simulator:
         self.settings = settings
         self._dx = np.float32(settings.dx_m)
         self._origin_m = body.positions_m.min(0)
-        self._particles = Particles(body, origin_m=self._origin_m, chunks=settings.chunks)
-        self._held = HeldNodes.from_particles(
-            (body.positions_m - self._origin_m) / settings.dx_m, body.mass_kg, body.held
-        )
-        self._wave_speed_ms = float(body.wave_speed_ms[self._particles.moving].max())
+        places = (body.positions_m - self._origin_m) / settings.dx_m
+        self._held = HeldNodes.from_particles(places, body.mass_kg, body.held)
+        self._simulated = with_simulated_skin(body, self._held, places)
+        self._particles = Particles(self._simulated, origin_m=self._origin_m, chunks=settings.chunks)
+        self._wave_speed_ms = float(self._simulated.wave_speed_ms[self._particles.moving].max())
         stride = self._particles.columns.shape[1]
         self._cells = np.full((3, stride), NEVER_SEEN, np.int32)
         self._extent = np.zeros(6, np.int64)
@@ -228,7 +228,7 @@ class Simulator:
         return Grid(self._extent, chunks=settings.chunks, padding=padding, held=self._held)
 
     def _make_frame(self, *, substeps: int, dt_s: float) -> Frame:
-        body, particles, dx_m = self.body, self._particles, self.settings.dx_m
+        body, particles, dx_m = self._simulated, self._particles, self.settings.dx_m
         moving = particles.moving
         mass = body.mass_kg[moving]
         x, v = particles.positions_m(), particles.velocities_ms()
@@ -239,6 +239,8 @@ class Simulator:
         gradients[moving] = f
         velocities = np.zeros((len(body), 3), np.float32)
         velocities[moving] = v
+        skin = self.body.held  # simulated beside the moving body, but held for everyone else
+        positions[skin], gradients[skin], velocities[skin] = body.positions_m[skin], np.eye(3), 0
         return Frame(
             time_s=self._frames_done * self.settings.frame_time_s,
             positions_m=positions,

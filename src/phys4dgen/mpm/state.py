@@ -17,6 +17,7 @@ from phys4dgen.mpm.kernels.layout import (
     MASS,
     PART,
     POSITION,
+    POSITION_REST,
     VELOCITY,
     VOLUME,
 )
@@ -60,7 +61,9 @@ class Particles:
     def _fill(self, body: Body, index: NDArray[np.int64], real: NDArray[np.bool_]) -> NDArray[np.float32]:
         assert body.velocities_ms is not None
         columns = np.zeros((COLUMN_COUNT, len(index)), np.float32)
-        columns[POSITION : POSITION + 3] = (body.positions_m[index] - self._origin_m).T
+        position = (body.positions_m[index] - self._origin_m).T
+        columns[POSITION : POSITION + 3] = position
+        columns[POSITION_REST : POSITION_REST + 3] = position - columns[POSITION : POSITION + 3]
         columns[MASS] = np.where(real, body.mass_kg[index] / self.mass_unit_kg, 0)
         columns[VOLUME] = np.where(real, body.volume_m3[index] / self.mass_unit_kg, 0)
         columns[LAME_MU] = body.lame_mu_pa[index]
@@ -84,7 +87,7 @@ class Particles:
 
     def positions_m(self) -> NDArray[np.float64]:
         """Positions of the moving particles, metres, [M, 3]."""
-        return self.read(POSITION, 3) + self._origin_m
+        return self.read(POSITION, 3) + self.read(POSITION_REST, 3).astype(np.float64) + self._origin_m
 
     def velocities_ms(self) -> NDArray[np.float32]:
         """Velocities of the moving particles, [M, 3]."""

@@ -28,6 +28,7 @@ from numba.extending import lower_builtin, lower_cast, models, register_model
 __all__ = [
     "Lanes",
     "absolute",
+    "add_compensated",
     "any_lane",
     "as_float_bits",
     "as_int_bits",
@@ -242,6 +243,25 @@ def minimum(typing_context, x, y):
 def maximum(typing_context, x, y):
     """The larger of two float or int lanes; y may be a number."""
     return x(x, x), _least_or_greatest("maxnum", ">")
+
+
+@intrinsic
+def add_compensated(typing_context, high, low, step):
+    """Add ``step`` to the unevaluated sum high + low: ``low`` keeps what rounding ``high`` lost.
+
+    W. Kahan, *Further remarks on reducing truncation errors*, 1965. The compiler may not reorder these operations.
+    """
+    # Numba gives its fast-math flags to every operation that has none; "no signed zeros" alone allows no reordering.
+    exact = ("nsz",)
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        high, low, step = args
+        change = builder.fadd(step, low, flags=exact)
+        total = builder.fadd(high, change, flags=exact)
+        taken = builder.fsub(total, high, flags=exact)
+        return context.make_tuple(builder, sig.return_type, (total, builder.fsub(change, taken, flags=exact)))
+
+    return types.UniTuple(high, 2)(high, high, high), emit
 
 
 @intrinsic

@@ -20,6 +20,7 @@ __all__ = [
     "DISPLACEMENT_GRADIENT",
     "FUSED",
     "GATHER_ONLY",
+    "GRADIENT_REST",
     "INDEX",
     "LAME_LAMBDA",
     "LAME_MU",
@@ -27,6 +28,7 @@ __all__ = [
     "MASS",
     "PART",
     "POSITION",
+    "POSITION_REST",
     "SCATTER_ONLY",
     "VELOCITY",
     "VOLUME",
@@ -48,7 +50,9 @@ VELOCITY = 16  # 3 columns, m/s; valid between segments only
 AFFINE = 19  # 9 columns, APIC matrix C row by row, 1/s; valid between segments only
 PART = 28  # part number
 INDEX = 29  # number of the particle in the body, as int32 bits
-COLUMN_COUNT = 30
+POSITION_REST = 30  # 3 columns, m: what rounding took from POSITION, to be given back
+GRADIENT_REST = 33  # 9 columns: what rounding took from H; with thousands of substeps a frame, slow motion is all rest
+COLUMN_COUNT = 42
 
 SCATTER_ONLY, FUSED, GATHER_ONLY = 0, 1, 2
 """What a particle pass does: begin a segment, a substep in its middle, or end it."""

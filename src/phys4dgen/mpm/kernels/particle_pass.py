@@ -22,12 +22,14 @@ from phys4dgen.mpm.kernels.layout import (
     DISPLACEMENT_GRADIENT,
     FUSED,
     GATHER_ONLY,
+    GRADIENT_REST,
     LAME_LAMBDA,
     LAME_MU,
     LANES,
     MASS,
     PART,
     POSITION,
+    POSITION_REST,
     SCATTER_ONLY,
     VELOCITY,
     VOLUME,
@@ -36,6 +38,7 @@ from phys4dgen.mpm.kernels.layout import (
 from phys4dgen.mpm.laws.law import respond
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
 from phys4dgen.vector.lanes import (
+    add_compensated,
     constant16,
     floor,
     group_sums,
@@ -92,6 +95,17 @@ def _add9(a, b):
     a0, a1, a2, a3, a4, a5, a6, a7, a8 = a
     b0, b1, b2, b3, b4, b5, b6, b7, b8 = b
     return a0 + b0, a1 + b1, a2 + b2, a3 + b3, a4 + b4, a5 + b5, a6 + b6, a7 + b7, a8 + b8
+
+
+@inline
+def _advance3(particles, at, rest_at, stride, values, steps):
+    """Add steps to values with compensated rounding; stores both columns and returns the new values."""
+    a, a_rest = add_compensated(values[0], load32(particles, rest_at), steps[0])
+    b, b_rest = add_compensated(values[1], load32(particles, rest_at + stride), steps[1])
+    c, c_rest = add_compensated(values[2], load32(particles, rest_at + 2 * stride), steps[2])
+    _store3(particles, at, stride, (a, b, c))
+    _store3(particles, rest_at, stride, (a_rest, b_rest, c_rest))
+    return a, b, c
 
 
 @inline
@@ -216,9 +230,9 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
             b00, b10, b20 = b00 - v0 * fx, b10 - v1 * fx, b20 - v2 * fx
             b01, b11, b21 = b01 - v0 * fy, b11 - v1 * fy, b21 - v2 * fy
             b02, b12, b22 = b02 - v0 * fz, b12 - v1 * fz, b22 - v2 * fz
-            x, y, z = position
-            position = (x + v0 * dt, y + v1 * dt, z + v2 * dt)
-            _store3(particles, POSITION * stride + batch, stride, position)
+            at = POSITION * stride + batch
+            rest_at = POSITION_REST * stride + batch
+            position = _advance3(particles, at, rest_at, stride, position, (v0 * dt, v1 * dt, v2 * dt))
             k = _f(4) * inverse_dx
             if stage == GATHER_ONLY:
                 _store3(particles, VELOCITY * stride + batch, stride, (v0, v1, v2))
@@ -226,7 +240,13 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
                 _store9(particles, AFFINE * stride + batch, stride, c)
             k = k * dt  # F <- (I + dt C) F, so H <- H + dt C (I + H)
             g = (k * b00, k * b01, k * b02, k * b10, k * b11, k * b12, k * b20, k * b21, k * b22)
-            h = _add9(h, _add9(g, matmul(g, h)))
+            step = _add9(g, matmul(g, h))
+            at = DISPLACEMENT_GRADIENT * stride + batch
+            rest_at = GRADIENT_REST * stride + batch
+            row0 = _advance3(particles, at, rest_at, stride, h[0:3], step[0:3])
+            row1 = _advance3(particles, at + 3 * stride, rest_at + 3 * stride, stride, h[3:6], step[3:6])
+            row2 = _advance3(particles, at + 6 * stride, rest_at + 6 * stride, stride, h[6:9], step[6:9])
+            h = row0 + row1 + row2
         mu = load32(particles, LAME_MU * stride + batch)
         lam = load32(particles, LAME_LAMBDA * stride + batch)
         h, tau = respond(law, h, mu, lam)
