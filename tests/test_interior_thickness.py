@@ -13,6 +13,7 @@ from phys4dgen.interior.measure import (
     measure_sheets,
     sheet_thickness_from_moments,
 )
+from phys4dgen.interior.seed import join_seeds, seed_rods, seed_sheets, seed_solid
 from phys4dgen.interior.sites import Sites
 from phys4dgen.interior.thickness import with_thickness
 from phys4dgen.types import ROD, SHEET, SOLID, Continuum, Frame
@@ -188,6 +189,42 @@ def test_the_next_blade_does_not_count():
     covariance = np.diag([0.2**2, 0.2**2, 2.0**2])
     alone, beside = _rod(one, 1.0, covariance=covariance), _rod(both, 1.0, covariance=covariance)
     np.testing.assert_allclose(beside.width, alone.width, rtol=1e-6)
+
+
+# ------------------------------------------------------------------------------------------------ particles
+
+
+def _second_moments(seeds, axes):
+    """Volume-weighted second moments of the offsets along axes, over the whole volume."""
+    return (seeds.volume[:, None] * (seeds.offset @ np.transpose(axes)) ** 2).sum(0) / seeds.volume.sum()
+
+
+def test_layers_of_a_sheet_have_its_volume_and_second_moment():
+    sites = _sites(np.zeros((4, 3)), TILT[:, 2])
+    seeds = seed_sheets(sites.where(np.ones(4, bool), np.full(4, 0.7)), np.full(4, 0.3), np.ones(4, bool))
+    assert seeds.volume.sum() == pytest.approx(4 * 0.7 * 0.3)
+    np.testing.assert_allclose(_second_moments(seeds, TILT.T), [0, 0, 0.3**2 / 12], atol=1e-12)
+    np.testing.assert_allclose(seeds.offset.reshape(4, -1, 3).sum(1), 0, atol=1e-12)
+    assert (seeds.shape == SHEET).all()
+
+
+@pytest.mark.parametrize("axis", [TILT[:, 2], np.array([0.0, 0, 1]), np.array([1.0, 0, 0])])
+def test_strands_of_a_rod_have_its_volume_and_second_moments(axis):
+    sites = _sites(np.zeros((4, 3)), axis)
+    seeds = seed_rods(sites.where(np.ones(4, bool), np.full(4, 1.3)), np.full(4, 0.6), np.ones(4, bool))
+    assert seeds.volume.sum() == pytest.approx(4 * 1.3 * np.pi * 0.6**2 / 4)
+    across = np.linalg.svd(axis[None])[2][1:]
+    np.testing.assert_allclose(_second_moments(seeds, [axis, *across]), [0, 0.6**2 / 16, 0.6**2 / 16], atol=1e-12)
+    assert (seeds.shape == ROD).all()
+
+
+def test_a_solid_particle_stands_for_the_solid_share_of_its_voxel():
+    seeds = seed_solid(np.array([[1, 2, 3], [4, 5, 6]]), np.array([1.0, 0.25]))
+    np.testing.assert_array_equal(seeds.volume, [1, 0.25])
+    np.testing.assert_array_equal(seeds.middle + seeds.offset, [[1, 2, 3], [4, 5, 6]])
+    joined = join_seeds([seeds, seed_solid(np.array([[7, 8, 9]]), np.ones(1))])
+    np.testing.assert_array_equal(joined.middle[:, 0], [1, 4, 7])
+    assert np.isnan(joined.thickness).all()
 
 
 # ------------------------------------------------------------------------------------------------ known thickness

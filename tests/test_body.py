@@ -1,0 +1,216 @@
+"""From the true body to the one that is simulated, and back."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from phys4dgen.body import assemble_body
+from phys4dgen.mpm import LawId
+from phys4dgen.types import ROD, SHEET, SOLID, Continuum, Frame, Material, MaterialBook, PartMaterials, Parts
+
+FRAME = Frame(Rotation.from_euler("xyz", [20, 65, -30], degrees=True).as_matrix(), 0.35)
+CELL_M = 5e-3
+SHEET_P, ROD_P, SOLID_P, HELD_P = slice(0, 2), slice(2, 6), slice(6, 7), slice(7, 8)
+NAMES = ("leaf", "stem", "lump", "pot")
+PARTS = Parts(np.arange(4, dtype=np.int32), NAMES, "test")
+
+
+def _material(**values):
+    usual = {
+        "name": "felt",
+        "law": "neo_hookean",
+        "density_kgm3": 800.0,
+        "youngs_modulus_pa": 1e8,
+        "poisson_ratio": 0.3,
+        "source": "user",
+    }
+    return Material(**{**usual, **values})
+
+
+def _book(**materials):
+    chosen = {name: materials.get(name, _material()) for name in NAMES}
+    return MaterialBook({name: PartMaterials(surface=m, interior=m) for name, m in chosen.items()})
+
+
+@pytest.fixture(scope="module")
+def continuum():
+    """A site of a leaf 0.8 mm thick, one of a stem 3 mm thick, a solid particle and a held sheet particle."""
+    rng = np.random.default_rng(0)
+    middle = rng.uniform(-0.05, 0.05, (4, 3))[[0, 0, 1, 1, 1, 1, 2, 3]]
+    half, quarter = 8e-4 / (2 * math.sqrt(3)), 3e-3 / 4
+    offset = np.zeros((8, 3))
+    offset[SHEET_P, 2] = [half, -half]
+    offset[ROD_P, :2] = [[quarter, quarter], [quarter, -quarter], [-quarter, quarter], [-quarter, -quarter]]
+    offset[HELD_P, 1] = half
+    return Continuum(
+        positions=FRAME.from_metres(middle + offset),
+        part=np.array([0, 0, 1, 1, 1, 1, 2, 3], np.int32),
+        is_interior=np.zeros(8, bool),
+        volume_m3=rng.uniform(1e-9, 2e-9, 8),
+        gaussian_index=np.full(8, -1, np.int32),
+        piece=np.zeros(8, np.int32),
+        shape=np.array([SHEET] * 2 + [ROD] * 4 + [SOLID, SHEET], np.int8),
+        thickness_m=np.array([8e-4] * 2 + [3e-3] * 4 + [np.nan, 8e-4]),
+        thickness_measured=np.ones(8, bool),
+        offset_m=offset,
+        spacing_m=CELL_M / 2,
+    )
+
+
+HELD = np.array([False] * 7 + [True])
+
+
+def _assemble(continuum, book, *, speed_ms, cell_m=CELL_M, held=HELD):
+    return assemble_body(continuum, PARTS, book, frame=FRAME, held=held, cell_m=cell_m, max_wave_speed_ms=speed_ms)
+
+
+def _wave_speed(modulus, density, poisson):
+    return np.sqrt(modulus * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson)) / density)
+
+
+def _simulated_over_true(assembly, continuum, some):
+    """Ratio of the simulated to the true distance from the middle."""
+    simulated = assembly.body.positions_m[some] - (FRAME.to_metres(continuum.positions) - continuum.offset_m)[some]
+    return np.linalg.norm(simulated, axis=1) / np.linalg.norm(continuum.offset_m[some], axis=1)
+
+
+# ------------------------------------------------------------------------------------------------ thickening
+
+
+def test_a_slow_enough_body_is_simulated_as_it_is(continuum):
+    book = _book(lump=_material(youngs_modulus_pa=2e5, density_kgm3=300.0, poisson_ratio=0.2))
+    assembly = _assemble(continuum, book, speed_ms=1e4)
+    body = assembly.body
+    np.testing.assert_allclose(body.positions_m, FRAME.to_metres(continuum.positions), atol=1e-12)
+    np.testing.assert_array_equal(body.volume_m3, continuum.volume_m3)
+    np.testing.assert_array_equal(body.youngs_modulus_pa, [1e8] * 6 + [2e5, 1e8])
+    np.testing.assert_array_equal(body.density_kgm3, [800.0] * 6 + [300.0, 800.0])
+    np.testing.assert_array_equal(body.poisson_ratio, [0.3] * 2 + [0.0] * 4 + [0.2, 0.3])  # a slender rod feels E
+    assert not assembly.true_offset_m.any()
+    assert (assembly.thickening, assembly.capped, assembly.law_warnings) == ((), (), ())
+    np.testing.assert_allclose(assembly.mass_kg, body.mass_kg, rtol=1e-12)
+
+
+def test_thickening_keeps_mass_and_bending_stiffness(continuum):
+    """Sheets keep rho t and E t^3, rods rho d^2 and E d^4; both stand where the thicker body stands."""
+    book = _book()
+    assembly = _assemble(continuum, book, speed_ms=150.0)
+    body = assembly.body
+    for some, powers, poisson in ((SHEET_P, (1, 3), 0.3), (ROD_P, (2, 4), 0.0)):
+        ratio = _simulated_over_true(assembly, continuum, some)
+        np.testing.assert_allclose(ratio, _wave_speed(1e8, 800.0, poisson) / 150.0, rtol=1e-6)
+        assert 1.5 < ratio.min() < 3  # neither untouched nor at the limit
+        np.testing.assert_allclose(body.density_kgm3[some] * ratio ** powers[0], 800.0, rtol=1e-6)
+        np.testing.assert_allclose(body.youngs_modulus_pa[some] * ratio ** powers[1], 1e8, rtol=1e-6)
+    thin = slice(0, 6)
+    np.testing.assert_allclose(body.mass_kg[thin], 800.0 * continuum.volume_m3[thin], rtol=1e-9)
+    np.testing.assert_allclose(assembly.mass_kg, 800.0 * continuum.volume_m3, rtol=1e-12)
+    np.testing.assert_allclose(body.wave_speed_ms[thin], 150.0, rtol=1e-6)
+
+
+def test_sheets_are_never_thicker_than_a_cell_and_rods_than_three(continuum):
+    assembly = _assemble(continuum, _book(), speed_ms=1.0)
+    np.testing.assert_allclose(_simulated_over_true(assembly, continuum, SHEET_P) * 8e-4, CELL_M, rtol=1e-6)
+    np.testing.assert_allclose(_simulated_over_true(assembly, continuum, ROD_P) * 3e-3, 3 * CELL_M, rtol=1e-6)
+    # What is thicker than the limit already is left alone.
+    coarse = _assemble(continuum, _book(), speed_ms=1.0, cell_m=7e-4)
+    np.testing.assert_allclose(_simulated_over_true(coarse, continuum, SHEET_P), 1, rtol=1e-9)
+    np.testing.assert_allclose(_simulated_over_true(coarse, continuum, ROD_P), 1, rtol=1e-9)
+
+
+def test_thickening_is_reported_in_millimetres(continuum):
+    found = {entry.part: entry for entry in _assemble(continuum, _book(), speed_ms=1.0).thickening}
+    assert set(found) == {"leaf", "stem"}
+    leaf = found["leaf"]
+    assert leaf.true_mm == pytest.approx(0.8)
+    assert leaf.simulated_mm == pytest.approx(1e3 * CELL_M)
+    ratio = leaf.simulated_mm / leaf.true_mm
+    assert leaf.simulated_youngs_modulus_pa * ratio**3 == pytest.approx(leaf.true_youngs_modulus_pa) == 1e8
+    assert leaf.simulated_density_kgm3 * ratio == pytest.approx(leaf.true_density_kgm3) == 800.0
+
+
+def test_held_parts_are_left_as_they_are(continuum):
+    body = _assemble(continuum, _book(), speed_ms=1.0).body
+    np.testing.assert_allclose(body.positions_m[HELD_P], FRAME.to_metres(continuum.positions)[HELD_P], atol=1e-12)
+    assert body.youngs_modulus_pa[HELD_P] == 1e8
+    assert body.density_kgm3[HELD_P] == 800.0
+
+
+# ------------------------------------------------------------------------------------------------ back to the truth
+
+
+def test_the_true_rest_comes_back_exactly(continuum):
+    assembly = _assemble(continuum, _book(), speed_ms=1.0)
+    assert np.abs(assembly.true_offset_m).max() > 1e-3
+    identity = np.tile(np.eye(3), (8, 1, 1))
+    rest = assembly.true_positions_m(assembly.body.positions_m, identity)
+    np.testing.assert_allclose(rest, FRAME.to_metres(continuum.positions), rtol=0, atol=1e-15)
+
+
+def test_a_turned_body_comes_back_turned(continuum):
+    assembly = _assemble(continuum, _book(), speed_ms=1.0)
+    turn, shift = Rotation.from_rotvec([0.3, -0.9, 0.4]).as_matrix(), np.array([0.01, 0.02, -0.03])
+    moved = assembly.true_positions_m(assembly.body.positions_m @ turn.T + shift, np.tile(turn, (8, 1, 1)))
+    np.testing.assert_allclose(moved, FRAME.to_metres(continuum.positions) @ turn.T + shift, rtol=0, atol=1e-14)
+
+
+# ------------------------------------------------------------------------------------------------ thick and stiff
+
+
+def test_a_thick_lump_is_softened_where_it_cannot_be_seen(continuum):
+    """It takes the wave speed that the thin parts need anyway; held parts need none."""
+    book = _book(lump=_material(youngs_modulus_pa=5e9, density_kgm3=700.0), pot=_material(youngs_modulus_pa=7e10))
+    assembly = _assemble(continuum, book, speed_ms=60.0)
+    body = assembly.body
+    needed = max(60.0, body.wave_speed_ms[:6].max())
+    np.testing.assert_allclose(body.wave_speed_ms[SOLID_P], needed, rtol=1e-9)
+    assert body.density_kgm3[SOLID_P] == 700.0
+    (cap,) = assembly.capped
+    assert cap.part == "lump"
+    assert cap.true_youngs_modulus_pa == 5e9
+    assert cap.simulated_youngs_modulus_pa == pytest.approx(body.youngs_modulus_pa[6])
+    extent_m = np.ptp(FRAME.to_metres(continuum.positions), axis=0).max()
+    assert cap.largest_strain == pytest.approx(700.0 * (1 + 9.81 * extent_m) / cap.simulated_youngs_modulus_pa)
+    assert cap.largest_strain < 0.01
+    assert body.youngs_modulus_pa[7] == 7e10
+
+
+def test_a_lump_that_would_visibly_give_way_stays_stiff(continuum):
+    only_lump = np.array([True] * 6 + [False, True])
+    book = _book(lump=_material(youngs_modulus_pa=5e9))
+    assembly = _assemble(continuum, book, speed_ms=5.0, held=only_lump)  # rho c^2 / rho = 25: strain 0.06
+    assert assembly.body.youngs_modulus_pa[6] == 5e9
+    assert assembly.capped == ()
+    enough = _assemble(continuum, book, speed_ms=20.0, held=only_lump)
+    assert enough.body.youngs_modulus_pa[6] < 5e9
+    assert enough.capped[0].largest_strain < 0.01
+
+
+# ------------------------------------------------------------------------------------------------ materials
+
+
+def test_inside_and_outside_take_their_own_material(continuum):
+    inside = continuum.is_interior.copy()
+    inside[6] = True
+    two = PartMaterials(surface=_material(), interior=_material(density_kgm3=50.0, youngs_modulus_pa=1e5))
+    book = MaterialBook({**_book().parts, "lump": two, "leaf": two})
+    body = _assemble(replace(continuum, is_interior=inside), book, speed_ms=1e4).body
+    assert (body.density_kgm3[6], body.youngs_modulus_pa[6]) == (50.0, 1e5)
+    np.testing.assert_array_equal(body.density_kgm3[SHEET_P], 800.0)
+
+
+def test_a_law_that_is_not_built_is_run_as_another_and_said_once(continuum):
+    book = _book(
+        leaf=_material(law="fixed_corotated"),
+        stem=_material(name="clay", law="von_mises"),
+        pot=_material(name="sand", law="drucker_prager"),
+    )
+    assembly = _assemble(continuum, book, speed_ms=1e4)
+    assert (assembly.body.law[SHEET_P] == LawId.FIXED_COROTATED).all()
+    assert (assembly.body.law[ROD_P] == LawId.NEO_HOOKEAN).all()
+    (warning,) = assembly.law_warnings  # the pot is held: its law is not run at all
+    assert "stem" in warning
+    assert "von_mises" in warning
