@@ -49,7 +49,9 @@ def main() -> None:
     if still.any():
         print(f"still: largest {largest[still].max() / height:.5f} of the height")
     print(f"not jelly: residual after the best affine fit {_affine_residual(rest, positions, moving):.3f} of the RMS")
-    _report_tip(times, positions - rest, moving, largest, options.run)
+    heights = rest @ up
+    top = (gaussians.opacities > 0.3) & (heights > np.percentile(heights[gaussians.opacities > 0.3], 98))
+    _report_tip(times, (positions - rest)[:, top], options.run)
     unit = float(cameras["metres_per_unit"])
     spacing = float(continuum["spacing_m"]) / unit
     _report_edges("Gaussians", rest, groups["labels"], positions, spacing, visible=gaussians.opacities > 0.1)
@@ -69,19 +71,15 @@ def _affine_residual(rest, positions, moving) -> float:
     return float(np.median(left[lively] / rms[lively]))
 
 
-def _report_tip(times, displacement, moving, largest, run: Path) -> None:
-    """Frequency and damping ratio of the part of the object that moves most, after the gust."""
+def _report_tip(times, displacement, run: Path) -> None:
+    """Frequency and damping ratio of the object's top (the highest 2 % of what is visible) after the gust."""
     facts = json.loads((run / "motion.json").read_text("utf-8"))
-    low, high = np.percentile(largest[moving], [90, 99.5])
-    tip = moving & (largest >= low) & (largest <= high)
-    mean = displacement[:, tip].mean(1).astype(np.float64)
+    mean = displacement.mean(1).astype(np.float64)
     _, _, axes = np.linalg.svd(mean - mean.mean(0), full_matrices=False)
     after = times > facts["gust_s"]
     signal = (mean @ axes[0])[after]
     frequency, ratio = damped_frequency(signal, times[1] - times[0])
-    print(
-        f"tip: {frequency:.2f} Hz, damping ratio {ratio:.3f} (fitted over {times[after][-1] - times[after][0]:.1f} s)"
-    )
+    print(f"tip: {frequency:.2f} Hz, damping ratio {ratio:.3f} (fitted over {times[after][-1] - times[after][0]:.1f} s)")
 
 
 def _report_edges(what: str, rest, labels, positions, spacing: float, *, visible) -> None:

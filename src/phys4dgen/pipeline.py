@@ -22,9 +22,9 @@ from phys4dgen.errors import SceneError, SimulationError
 from phys4dgen.formats import load_gaussians
 from phys4dgen.grouping.appearance import group_by_appearance
 from phys4dgen.grouping.from_file import parts_from_file, rename_parts, single_part
-from phys4dgen.interior import Interior, coarsened, discover_interior, welded_share, with_thickness
+from phys4dgen.interior import Interior, discover_interior, welded_share, with_thickness
 from phys4dgen.materials import assemble_book, identify_by_rules, read_materials
-from phys4dgen.motion import Held, ProbeResult, choose_held, damping_per_s, gust, probe_gust
+from phys4dgen.motion import Held, choose_held, damping_per_s, gust, probe_gust
 from phys4dgen.mpm import Acceleration, Settings, Simulator, stiff_parts
 from phys4dgen.progress import SILENT, Progress
 from phys4dgen.render.cameras import video_path, view_cameras
@@ -309,7 +309,7 @@ def move(
     )
     if held.particles.all():
         raise SimulationError(f"Every part is held ({held.reason}); free one with 'parts: {{NAME: {{hold: free}}}}'.")
-    assembly = _assembled(scene, asset, parts, continuum, book, held.particles, coarsening=1)
+    assembly = _assembled(scene, asset, parts, continuum, book, held)
     facts = MotionFacts(preset, held.reason, cell_m=asset.cell_m, cfl=scene.simulation.cfl)
     facts.thickening = list(assembly.thickening)
     facts.capped = list(assembly.capped)
@@ -343,7 +343,15 @@ def move(
         raise SimulationError(f"Too stiff for the budget: {stiff[0]} (--hold {stiff[0].name}).")
     probe_started = time.perf_counter()
     if preset == "sway" or forces:
-        probe = _probe(scene, asset, parts, continuum, book, held, progress)
+        probe = probe_gust(
+            assembly.body,
+            settings,
+            direction_up=_wind_up(scene, asset),
+            duration_s=scene.motion.duration_s,
+            aim_m=scene.motion.amplitude_rel * asset.height_m,
+            damping_ratio=scene.simulation.damping_ratio,
+            on_frame=lambda k, n: progress.update(k, n, "frames of the probe"),
+        )
         facts.frequency_hz = probe.frequency_hz
         facts.damping_per_s = damping_per_s(scene.simulation.damping_ratio, probe.frequency_hz)
         if preset == "sway":
@@ -353,7 +361,7 @@ def move(
             facts.wind_up, facts.gust_ms2, facts.gust_s = wind.tolist(), strength, scene.motion.duration_s
             forces = (*forces, gust(wind, strength, scene.motion.duration_s))
             progress.note(
-                f"Gust of {strength:.3g} m/s2 for {scene.motion.duration_s:g} s; lowest frequency seen "
+                f"Gust of {strength:.3g} m/s2 for {scene.motion.duration_s:g} s; swings at "
                 f"{probe.frequency_hz:.2g} Hz; held: {held.reason}."
             )
     settings = replace(settings, accelerations=forces, damping_per_s=facts.damping_per_s)
@@ -415,54 +423,19 @@ def _given_thickness(scene: Scene, parts: Parts) -> dict[int, float]:
 
 
 def _assembled(
-    scene: Scene,
-    asset: Asset,
-    parts: Parts,
-    continuum: Continuum,
-    book: MaterialBook,
-    held: NDArray[np.bool_],
-    *,
-    coarsening: int,
+    scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, book: MaterialBook, held: Held
 ) -> Assembly:
-    """The body for a grid ``coarsening`` times as coarse, thickened until a frame needs no more than max_substeps."""
-    cell_m = asset.cell_m * coarsening
-    budget = scene.simulation.max_substeps / coarsening**2
-    slowest = cell_m * scene.simulation.cfl * budget / scene.frame_time_s
+    """The body, its thin parts thickened until a frame needs no more than max_substeps."""
+    slowest = asset.cell_m * scene.simulation.cfl * scene.simulation.max_substeps / scene.frame_time_s
     # A tenth of the speed is left to the motion itself.
     return assemble_body(
         continuum,
         parts,
         book,
         frame=asset.frame,
-        held=held,
-        cell_m=cell_m,
+        held=held.particles,
+        cell_m=asset.cell_m,
         max_wave_speed_ms=0.9 * slowest,
-    )
-
-
-def _probe(
-    scene: Scene,
-    asset: Asset,
-    parts: Parts,
-    continuum: Continuum,
-    book: MaterialBook,
-    held: Held,
-    progress: Progress,
-) -> ProbeResult:
-    """A short run on a grid twice as coarse: how far a gust moves the object, and how fast it swings."""
-    sparse, kept = coarsened(continuum, frame=asset.frame, factor=2)
-    coarse = _assembled(scene, asset, parts, sparse, book, held.particles[kept], coarsening=2)
-    return probe_gust(
-        coarse.body,
-        cell_m=2 * asset.cell_m,
-        cfl=scene.simulation.cfl,
-        direction_up=_wind_up(scene, asset),
-        duration_s=scene.motion.duration_s,
-        aim_m=scene.motion.amplitude_rel * asset.height_m,
-        damping_ratio=scene.simulation.damping_ratio,
-        chunks=_chunks(scene),
-        max_substeps=scene.simulation.substep_limit,
-        on_frame=lambda k, n: progress.update(k, n, "frames of the coarse probe"),
     )
 
 

@@ -74,6 +74,8 @@ def _fill(run: RunFolder, scene: Scene, stages: tuple[str, ...], recorder: Recor
     from phys4dgen.run.store import RunStore
 
     _use_threads(scene)
+    if not _kernels_are_compiled():
+        recorder.note("First run on this machine: the kernels are compiled once, which adds about half a minute.")
     run.write_text(run.scene_yaml, dump_scene(scene))
     store = RunStore(run, scene, recorder)
     try:
@@ -111,6 +113,14 @@ def _sections(facts: MotionFacts | None) -> dict[str, Any]:
         "history": {name: values.pop(name) for name in _HISTORY},
         "simulation": values,
     }
+
+
+def _kernels_are_compiled() -> bool:
+    """Whether Numba has cached kernels of this package, beside the sources or where NUMBA_CACHE_DIR says."""
+    import numba
+
+    places = [Path(__file__).parents[1], *([Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else [])]
+    return any(next(place.rglob("step.advance-*.nbi"), None) for place in places if place.is_dir())
 
 
 def _use_threads(scene: Scene) -> None:
