@@ -79,7 +79,8 @@ def _report_tip(times, displacement, run: Path) -> None:
     after = times > facts["gust_s"]
     signal = (mean @ axes[0])[after]
     frequency, ratio = damped_frequency(signal, times[1] - times[0])
-    print(f"tip: {frequency:.2f} Hz, damping ratio {ratio:.3f} (fitted over {times[after][-1] - times[after][0]:.1f} s)")
+    span_s = times[after][-1] - times[after][0]
+    print(f"tip: {frequency:.2f} Hz, damping ratio {ratio:.3f} (fitted over {span_s:.1f} s)")
 
 
 def _report_edges(what: str, rest, labels, positions, spacing: float, *, visible) -> None:

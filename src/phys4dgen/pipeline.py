@@ -317,7 +317,7 @@ def move(
         progress.warn(
             f"Part '{cap.part}': its thick regions are simulated with E = {cap.simulated_youngs_modulus_pa:.2g} Pa "
             f"instead of {cap.true_youngs_modulus_pa:.2g} Pa to save time steps; strains there stay below "
-            f"{cap.largest_strain:.1%}, which is not seen."
+            f"{100 * cap.largest_strain:.1g} %, which is not seen."
         )
     facts.welded_share = welded_share(continuum, frame=asset.frame, free=~held.particles, cell_m=asset.cell_m)
     if facts.welded_share > _WELDED_WARNING:

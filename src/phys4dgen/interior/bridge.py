@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 __all__ = ["BridgeReport", "bridge_pieces"]
 
@@ -62,7 +62,7 @@ def bridge_pieces(
         piece = labels[tuple(index.T)]
         sizes = np.bincount(piece, minlength=count + 1)
         main = piece == sizes.argmax()
-        distance, nearest = cKDTree(index[main]).query(index[~main], distance_upper_bound=max_gap_voxels)
+        distance, nearest = KDTree(index[main]).query(index[~main], distance_upper_bound=max_gap_voxels)
         reach = np.flatnonzero(np.isfinite(distance))
         if len(reach) == 0:
             break

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.ndimage import binary_erosion, generate_binary_structure
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from phys4dgen.errors import StageError
 from phys4dgen.interior.bridge import BridgeReport, bridge_pieces
@@ -201,7 +201,7 @@ def _settle(position, value, trusted, fallback, *, sites):
     if len(value) == 0:
         return value, np.zeros(0, bool)
     k = min(sites, len(value))
-    _, near = cKDTree(position).query(position, k=k)
+    _, near = KDTree(position).query(position, k=k)
     near = near.reshape(len(position), k)
     readings = np.where(trusted[near], value[near], np.nan)
     enough = trusted[near].mean(1) >= _MIN_TRUSTED_SHARE
@@ -220,7 +220,7 @@ def _settle_width(reading: RodReading) -> tuple[NDArray[np.float64], NDArray[np.
     measured = reading.trusted.copy()
     if len(sites) == 0:
         return width, measured
-    near = cKDTree(sites.position).query_ball_point(sites.position, _ROD_REACH)
+    near = KDTree(sites.position).query_ball_point(sites.position, _ROD_REACH)
     for site, others in enumerate(near):
         others = np.array(sorted(others))
         axis = sites.direction[site]
@@ -243,7 +243,7 @@ def _settle_ribbons(reading) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     if len(known) == 0:
         return flat, across
     k = min(12, len(known))
-    _, near = cKDTree(sites.position[known]).query(sites.position, k=k)
+    _, near = KDTree(sites.position[known]).query(sites.position, k=k)
     near = known[near.reshape(len(sites), k)]
     flat = flat[near].mean(1) > 0.4
     weight = reading.is_ribbon[near] + 1e-3
@@ -258,7 +258,7 @@ def _keep_connected(sites: Sites, seen, solid) -> NDArray[np.bool_]:
     hidden = np.flatnonzero(~seen)
     if len(hidden) == 0:
         return keep
-    tree = cKDTree(sites.position)
+    tree = KDTree(sites.position)
     pairs = tree.query_pairs(_LINK, output_type="ndarray")
     groups = _components(pairs[seen[pairs].all(1)], len(sites))
     hidden_groups = _components(pairs[(~seen[pairs]).all(1)], len(sites))
@@ -267,7 +267,7 @@ def _keep_connected(sites: Sites, seen, solid) -> NDArray[np.bool_]:
     seen_end = np.where(seen[mixed[:, 0]], mixed[:, 0], mixed[:, 1])
     touches = np.unique(np.stack([hidden_groups[hidden_end], groups[seen_end]], 1), axis=0)
     if len(solid):
-        distance, _ = cKDTree(solid).query(sites.position[hidden], distance_upper_bound=_LINK)
+        distance, _ = KDTree(solid).query(sites.position[hidden], distance_upper_bound=_LINK)
         at_solid = np.unique(hidden_groups[hidden[np.isfinite(distance)]])
         touches = np.concatenate([touches, np.stack([at_solid, np.full(len(at_solid), -1)], 1)])
     group, neighbors = np.unique(touches[:, 0], return_counts=True)
@@ -290,7 +290,7 @@ def _part_of_particles(gaussians, parts, points_up, shape, labelled, side, rotat
     seen = gaussians.opacities > 0.1 if (gaussians.opacities > 0.1).any() else gaussians.opacities > 0
     means = gaussians.means[seen].astype(np.float64) @ rotation.T
     k = min(8, len(means))
-    distance, near = cKDTree(means).query(points_up, k=k, workers=-1)
+    distance, near = KDTree(means).query(points_up, k=k, workers=-1)
     distance, near = distance.reshape(-1, k), near.reshape(-1, k)
     weight = np.exp(-0.5 * (distance / (0.5 * side)) ** 2) * gaussians.opacities[seen][near] + 1e-12 / (1 + distance)
     votes = np.zeros((len(points_up), parts.count))
@@ -315,13 +315,13 @@ def _fill_vessel(part, is_interior, vessel, points_up, gaussians, parts, rotatio
     members = np.flatnonzero(part == vessel)
     if len(members) == 0 or mine.all():
         return
-    distance, _ = cKDTree(means[mine]).query(points_up[members], workers=-1)
+    distance, _ = KDTree(means[mine]).query(points_up[members], workers=-1)
     deep = members[distance > wall]
     if len(deep) == 0:
         return
     # The filling is what is seen first when one looks up from inside: the lowest other Gaussian of each column.
     others = np.flatnonzero(~mine & (gaussians.opacities > 0.3))
-    distance, above = cKDTree(means[others][:, :2]).query(points_up[deep][:, :2], k=min(32, len(others)), workers=-1)
+    distance, above = KDTree(means[others][:, :2]).query(points_up[deep][:, :2], k=min(32, len(others)), workers=-1)
     above = others[above.reshape(len(deep), -1)]
     height = np.where(distance.reshape(above.shape) < wall, means[above, 2], np.inf)
     lowest = above[np.arange(len(deep)), height.argmin(1)][np.isfinite(height.min(1))]
@@ -334,6 +334,6 @@ def _fill_vessel(part, is_interior, vessel, points_up, gaussians, parts, rotatio
 
 def _pieces(middle, part) -> NDArray[np.int32]:
     """Connected piece of each particle within its part."""
-    pairs = cKDTree(middle).query_pairs(_LINK, output_type="ndarray")
+    pairs = KDTree(middle).query_pairs(_LINK, output_type="ndarray")
     same = part[pairs[:, 0]] == part[pairs[:, 1]]
     return _components(pairs[same], len(middle)).astype(np.int32)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, generate_binary_structure
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from scipy.stats import chi2
 
 from phys4dgen.interior.voxels import VoxelGrid
@@ -75,7 +75,7 @@ def label_cells(
     part = np.full(grid.shape, -1, np.int32)
     cells = np.argwhere(surface)
     if len(cells):
-        _, nearest = cKDTree(means[seen]).query(grid.centers(cells), workers=-1)
+        _, nearest = KDTree(means[seen]).query(grid.centers(cells), workers=-1)
         part[surface] = labels[seen][nearest]
     interior = valid & ~surface
     _vote_along_axes(part, surface, interior)
@@ -93,7 +93,7 @@ def _covered_by_ellipsoids(gaussians, means, grid, valid, rotation, confidence, 
     if len(cells) == 0:
         return covered
     centers = grid.centers(cells)
-    tree = cKDTree(centers)
+    tree = KDTree(centers)
     k = min(_CANDIDATE_CELLS, len(centers))
     floor = np.eye(3) * (_FLOOR_REL * grid.side) ** 2
     for start in range(0, len(means), _CHUNK):
@@ -130,7 +130,7 @@ def _vote_along_axes(part: NDArray[np.int32], surface: NDArray[np.bool_], interi
     lonely = votes.sum(1) == 0
     if lonely.any() and surface.any():
         surface_cells = np.argwhere(surface)
-        _, nearest = cKDTree(surface_cells).query(cells[lonely])
+        _, nearest = KDTree(surface_cells).query(cells[lonely])
         part[tuple(cells[lonely].T)] = part[tuple(surface_cells[nearest].T)]
 
 

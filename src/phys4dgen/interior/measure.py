@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from phys4dgen.interior.sites import Sites
 
@@ -61,7 +61,7 @@ def covered_share(sites: Sites, cloud: GaussianCloud) -> NDArray[np.float64]:
     """
     if len(sites) == 0:
         return np.zeros(0)
-    tree = cKDTree(cloud.means)
+    tree = KDTree(cloud.means)
     n = sites.direction
     helper = np.where(np.abs(n[:, :1]) < 0.9, [[1.0, 0, 0]], [[0, 1.0, 0]])
     u = np.cross(n, helper)
@@ -93,7 +93,7 @@ def is_stout(points: NDArray[np.float64], cloud: GaussianCloud) -> NDArray[np.bo
         return np.zeros(len(points), bool)
     means = cloud.means[solid]
     k = min(_NEIGHBORS, len(means))
-    distance, near = cKDTree(means).query(points, k=k, distance_upper_bound=_STOUT_RADIUS, workers=-1)
+    distance, near = KDTree(means).query(points, k=k, distance_upper_bound=_STOUT_RADIUS, workers=-1)
     present = np.isfinite(distance)
     count = present.sum(1)
     weight = present / np.maximum(count, 1)[:, None]
@@ -121,7 +121,7 @@ def measure_sheets(
         return sites, np.full(len(sites), np.nan), np.zeros(len(sites), bool)
     means = cloud.means[solid]
     k = min(_NEIGHBORS, len(means))
-    distance, near = cKDTree(means).query(sites.position, k=k, distance_upper_bound=radius, workers=-1)
+    distance, near = KDTree(means).query(sites.position, k=k, distance_upper_bound=radius, workers=-1)
     present = np.isfinite(distance)
     count = present.sum(1)
     points = means[np.where(present, near, 0)] - sites.position[:, None]  # [S, k, 3]
@@ -209,7 +209,7 @@ def measure_rods(sites: Sites, section: NDArray[np.float64], cloud: GaussianClou
     values, vectors = np.linalg.eigh(covariances)
     long = values[:, 2] > 4 * values[:, 1]
     k = min(_ROD_NEIGHBORS, len(means))
-    tree = cKDTree(means)
+    tree = KDTree(means)
     axis = sites.direction
     position = sites.position.copy()
     reach = np.sqrt(section / np.pi)[:, None] + 0.25

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from phys4dgen.interior.thin import ThinVoxels, neighbor_graph
 from phys4dgen.types import ROD, SHEET
@@ -173,7 +173,7 @@ def _majority_axis(index, direction, shape):
 
 def _local_density(position, direction):
     """Sites per unit area around each site; more than one where two column directions overlap."""
-    tree = cKDTree(position)
+    tree = KDTree(position)
     pairs = tree.query_pairs(3.0, output_type="ndarray")
     apart = position[pairs[:, 1]] - position[pairs[:, 0]]
     density = np.full(len(position), 1.0)

@@ -189,7 +189,7 @@ class Motion(_Section):
     amplitude_rel: Annotated[float, Field(gt=0, le=0.5)] = 0.10
     """displacement aimed at (99th percentile of the free Gaussians), of the height"""
     acceleration_ms2: Auto | Positive = "auto"
-    """peak of the gust; auto: from a coarse probe that aims at amplitude_rel"""
+    """strength of the gust; auto: from a short probe that aims at amplitude_rel"""
     duration_s: Annotated[float, Field(gt=0, le=60)] = 0.3
     """length of the gust"""
 
