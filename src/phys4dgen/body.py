@@ -9,7 +9,6 @@ bending stiffness and is not seen. (PHYSICS.md 1.11, MOTION.md: measured.)
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +27,7 @@ _ROD_LIMIT_CELLS = 3.0
 """Rods: their 3 x 3 strands then stand 0.92 cells apart."""
 
 _LARGEST_CAPPED_STRAIN = 0.01
+_CAPPED_THIN_SHARE = 0.02
 
 _LAWS = {"neo_hookean": LawId.NEO_HOOKEAN, "fixed_corotated": LawId.FIXED_COROTATED}
 
@@ -57,11 +57,11 @@ class PartThickening:
 
 @dataclass(frozen=True)
 class CappedPart:
-    """A part whose thick regions are simulated softer than they are, because it cannot be seen (PHYSICS.md 1.10).
+    """A part whose thickest regions are simulated softer than they are, because it cannot be seen (PHYSICS.md 1.10).
 
     Attributes:
         part: name.
-        true_youngs_modulus_pa: of the material.
+        true_youngs_modulus_pa: median there, as thickened.
         simulated_youngs_modulus_pa: what the time step allows.
         largest_strain: estimate rho (v^2 + g L) / E of the strain that the softer material takes.
     """
@@ -93,7 +93,7 @@ class Assembly:
     law_warnings: tuple[str, ...]
 
     def true_positions_m(
-        self, positions_m: NDArray[np.float64], deformation_gradients: NDArray[np.float64]
+        self, positions_m: NDArray[np.float64], deformation_gradients: NDArray[np.floating]
     ) -> NDArray[np.float64]:
         """Where the particles of the true (not thickened) body are, given the simulated ones, [P, 3]."""
         return positions_m + np.einsum("pab,pb->pa", deformation_gradients, self.true_offset_m)
@@ -150,7 +150,7 @@ def assemble_body(
     free_solid = (continuum.shape == SOLID) & ~held
     extent_m = float(np.ptp(frame.to_metres(continuum.positions), axis=0).max())
     thin_modulus, capped = _cap(
-        continuum.part, parts.names, free_solid, ~held, density, thin_density, thin_modulus, poisson,
+        continuum.part, parts.names, free_solid, ~held, thin_density * volume, thin_density, thin_modulus, poisson,
         max_wave_speed_ms, extent_m,
     )  # fmt: skip
     body = Body(
@@ -168,7 +168,14 @@ def assemble_body(
     return Assembly(body, -offset_m, continuum.volume_m3 * density, thickening, capped, tuple(dict.fromkeys(warnings)))
 
 
-def _thickening(continuum, density, modulus, poisson, cell_m, max_wave_speed_ms):
+def _thickening(
+    continuum: Continuum,
+    density: NDArray[np.float64],
+    modulus: NDArray[np.float64],
+    poisson: NDArray[np.float64],
+    cell_m: float,
+    max_wave_speed_ms: float,
+) -> NDArray[np.float64]:
     """Simulated over true thickness of each particle, at least 1."""
     wanted = np.sqrt(_p_wave_modulus(modulus, poisson) / density) / max_wave_speed_ms
     limit_cells = np.where(continuum.shape == ROD, _ROD_LIMIT_CELLS, _SHEET_LIMIT_CELLS)
@@ -177,29 +184,41 @@ def _thickening(continuum, density, modulus, poisson, cell_m, max_wave_speed_ms)
     return np.maximum(np.minimum(wanted, limit), 1.0)
 
 
-def _p_wave_modulus(modulus, poisson):
+def _p_wave_modulus(modulus: NDArray[np.float64] | float, poisson: NDArray[np.float64]) -> NDArray[np.float64]:
     """P-wave modulus lam + 2 mu = E (1 - nu) / ((1 + nu) (1 - 2 nu))."""
     return modulus * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
 
 
-def _cap(part, names, solid, free, density, thin_density, thin_modulus, poisson, max_wave_speed_ms, extent_m):
-    """Young's moduli with thick regions softened to the wave speed that the rest of the body needs anyway.
+def _cap(
+    part: NDArray[np.int32],
+    names: tuple[str, ...],
+    solid: NDArray[np.bool_],
+    free: NDArray[np.bool_],
+    mass: NDArray[np.float64],
+    thin_density: NDArray[np.float64],
+    thin_modulus: NDArray[np.float64],
+    poisson: NDArray[np.float64],
+    max_wave_speed_ms: float,
+    extent_m: float,
+) -> tuple[NDArray[np.float64], tuple[CappedPart, ...]]:
+    """Young's moduli with the stiffest regions softened to the wave speed that the rest of the body needs anyway.
 
-    A thick lump among thin leaves stays far stiffer than what it hangs on; its own strain rho (v^2 + g L) / E, with
-    v = 1 m/s and L the object's size, must stay below 1 %. Where it would not, the modulus stays as it is.
+    A thick lump among thin leaves stays far stiffer than what it hangs on, and 2 % of the thin mass, its thickest
+    spots, may not set the time step of all. The strain rho (v^2 + g L) / E that the softer material takes, with
+    v = 1 m/s and L the object's size, must stay below 1 %; where it would not, the modulus stays as it is.
     """
-    moving_thin = free & ~solid
+    thin = free & ~solid
     speeds = np.sqrt(_p_wave_modulus(thin_modulus, poisson) / thin_density)
-    speed = max(max_wave_speed_ms, float(speeds[moving_thin].max(initial=0)))
-    allowed = density * speed**2 / _p_wave_modulus(1.0, poisson)
-    strain = density * (1.0 + 9.81 * extent_m) / allowed
-    chosen = solid & (thin_modulus > allowed) & (strain < _LARGEST_CAPPED_STRAIN)
+    speed = max(max_wave_speed_ms, _mass_quantile(speeds[thin], mass[thin], 1 - _CAPPED_THIN_SHARE))
+    allowed = thin_density * speed**2 / _p_wave_modulus(1.0, poisson)
+    strain = thin_density * (1.0 + 9.81 * extent_m) / allowed
+    chosen = free & (thin_modulus > 1.001 * allowed) & (strain < _LARGEST_CAPPED_STRAIN)
     capped = []
     for number in np.unique(part[chosen]):
         mine = chosen & (part == number)
         capped.append(
             CappedPart(
-                names[number],
+                names[int(number)],
                 float(np.median(thin_modulus[mine])),
                 float(np.median(allowed[mine])),
                 float(strain[mine].max()),
@@ -208,8 +227,23 @@ def _cap(part, names, solid, free, density, thin_density, thin_modulus, poisson,
     return np.where(chosen, allowed, thin_modulus), tuple(capped)
 
 
+def _mass_quantile(values: NDArray[np.float64], mass: NDArray[np.float64], share: float) -> float:
+    """The value that ``share`` of the mass does not exceed; 0 where there is none."""
+    if len(values) == 0:
+        return 0.0
+    order = np.argsort(values)
+    reached = np.cumsum(mass[order]) >= share * mass.sum()
+    return float(values[order][np.argmax(reached)])
+
+
 def _report(
-    continuum: Continuum, names: Sequence[str], ratio, density, modulus, thin_density, thin_modulus
+    continuum: Continuum,
+    names: tuple[str, ...],
+    ratio: NDArray[np.float64],
+    density: NDArray[np.float64],
+    modulus: NDArray[np.float64],
+    thin_density: NDArray[np.float64],
+    thin_modulus: NDArray[np.float64],
 ) -> tuple[PartThickening, ...]:
     entries = []
     for number, name in enumerate(names):

@@ -315,7 +315,7 @@ def move(
     facts.capped = list(assembly.capped)
     for cap in assembly.capped:
         progress.warn(
-            f"Part '{cap.part}': its thick regions are simulated with E = {cap.simulated_youngs_modulus_pa:.2g} Pa "
+            f"Part '{cap.part}': its thickest regions are simulated with E = {cap.simulated_youngs_modulus_pa:.2g} Pa "
             f"instead of {cap.true_youngs_modulus_pa:.2g} Pa to save time steps; strains there stay below "
             f"{100 * cap.largest_strain:.1g} %, which is not seen."
         )

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
 from scipy.spatial import KDTree
 
-__all__ = ["BridgeReport", "bridge_pieces"]
+from phys4dgen.interior.morphology import connected_pieces
 
-_TOUCHING = np.ones((3, 3, 3), bool)  # 26-neighbourhood
+__all__ = ["BridgeReport", "bridge_pieces"]
 
 
 @dataclass(frozen=True)
@@ -48,14 +47,14 @@ def bridge_pieces(
     Returns:
         The bridged solid, the voxels that are bridges, and a report.
     """
-    labels, count = label(solid, _TOUCHING)
+    labels, count = connected_pieces(solid)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     sizes[0] = 0
     before = int((sizes >= min_piece_voxels).sum())
     solid = (sizes >= min_piece_voxels)[labels]
     bridges = np.zeros_like(solid)
     while True:
-        labels, count = label(solid, _TOUCHING)
+        labels, count = connected_pieces(solid)
         if count <= 1:
             break
         index = np.argwhere(solid)
@@ -63,6 +62,7 @@ def bridge_pieces(
         sizes = np.bincount(piece, minlength=count + 1)
         main = piece == sizes.argmax()
         distance, nearest = KDTree(index[main]).query(index[~main], distance_upper_bound=max_gap_voxels)
+        distance, nearest = np.asarray(distance), np.asarray(nearest)
         reach = np.flatnonzero(np.isfinite(distance))
         if len(reach) == 0:
             break
@@ -76,7 +76,7 @@ def bridge_pieces(
             new = tuple(line.T)
             bridges[new] |= ~solid[new]
             solid[new] = True
-    labels, count = label(solid, _TOUCHING)
+    labels, count = connected_pieces(solid)
     sizes = np.bincount(labels.ravel(), minlength=2)
     sizes[0] = 0
     total = int(sizes.sum())

@@ -56,7 +56,7 @@ def _behind_all(points: NDArray[np.float32], views: Views, *, tolerance: float) 
         mask = views.alpha[view] > _MASK_ALPHA
         # A pixel that shows nothing has no surface in front: its neighbours' depth decides inside the dilated rim.
         depth = minimum_filter(np.where(mask, views.depth[view], np.inf), 3)
-        mask = binary_dilation(mask, np.ones((3, 3), bool))
+        mask = np.asarray(binary_dilation(mask, np.ones((3, 3), bool)), bool)
         pixels, z = camera.project(points[alive])
         u = np.floor(pixels[:, 0]).astype(np.int64)
         v = np.floor(pixels[:, 1]).astype(np.int64)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.ndimage import binary_erosion, generate_binary_structure
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
@@ -20,8 +19,9 @@ from phys4dgen.errors import StageError
 from phys4dgen.interior.bridge import BridgeReport, bridge_pieces
 from phys4dgen.interior.carve import carve, solid_share
 from phys4dgen.interior.density import accumulated_opacity, density_threshold
-from phys4dgen.interior.labels import label_cells
+from phys4dgen.interior.labels import LabelGrid, label_cells
 from phys4dgen.interior.measure import GaussianCloud, RodReading, covered_share, is_stout, measure_rods, measure_sheets
+from phys4dgen.interior.morphology import outermost_layer
 from phys4dgen.interior.seed import Seeds, join_seeds, seed_rods, seed_sheets, seed_solid
 from phys4dgen.interior.sites import Sites, join_sites, ribbon_sites, rod_sites, sheet_sites
 from phys4dgen.interior.thin import describe_thin_voxels, split_thick_and_thin
@@ -125,8 +125,9 @@ def discover_interior(
     unit = frame.metres_per_unit
     for number, wall in (wall_m or {}).items():
         _fill_vessel(part, is_interior, number, middle_up, gaussians, parts, rotation, wall / unit)
+    positions = (positions_up @ rotation).astype(np.float32)  # what the run folder keeps, to the bit
     continuum = Continuum(
-        positions=(positions_up @ rotation).astype(np.float32),  # what the run folder keeps, to the bit
+        positions=positions.astype(np.float64),
         part=part,
         is_interior=is_interior,
         volume_m3=seeds.volume * (side * unit) ** 3,
@@ -141,7 +142,14 @@ def discover_interior(
     return Interior(continuum, bridge_report, int(solid.sum()), agreement, threshold)
 
 
-def _seed(gaussians, views, solid, bridges, grid, frame) -> Seeds:
+def _seed(
+    gaussians: Gaussians,
+    views: Views,
+    solid: NDArray[np.bool_],
+    bridges: NDArray[np.bool_],
+    grid: VoxelGrid,
+    frame: Frame,
+) -> Seeds:
     """Particles of the thick, sheet-like and rod-like regions."""
     thick, thin = split_thick_and_thin(solid)
     cloud = _cloud(gaussians, grid, frame.rotation)
@@ -171,21 +179,23 @@ def _seed(gaussians, views, solid, bridges, grid, frame) -> Seeds:
         [
             seed_solid(*_solid_voxels(thick, solid, views, grid, frame.rotation)),
             seed_sheets(join_sites(sheets, ribbons), thickness, measured),
-            seed_rods(rods.where(~flat, rods.extent), width[~flat], width_measured[~flat]),
+            seed_rods(rods.where(~flat, rods.extent), np.minimum(width[~flat], 4.0), width_measured[~flat]),
         ]
     )
 
 
-def _solid_voxels(thick, solid, views, grid, rotation):
+def _solid_voxels(
+    thick: NDArray[np.bool_], solid: NDArray[np.bool_], views: Views, grid: VoxelGrid, rotation: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Indices of the thick voxels, and the share of each that is solid: less than one at the body's surface."""
     index = np.argwhere(thick)
     share = np.ones(len(index))
-    rim = (solid & ~binary_erosion(solid, generate_binary_structure(3, 1)))[tuple(index.T)]
+    rim = outermost_layer(solid)[tuple(index.T)]
     share[rim] = np.clip(solid_share(grid, index[rim], views, rotation), _LEAST_SHARE, 1)
     return index, share
 
 
-def _cloud(gaussians, grid, rotation) -> GaussianCloud:
+def _cloud(gaussians: Gaussians, grid: VoxelGrid, rotation: NDArray[np.float64]) -> GaussianCloud:
     seen = gaussians.opacities > 0.02
     near = gaussians.subset(seen)
     means = (near.means.astype(np.float64) @ rotation.T - grid.lower) / grid.side - 0.5
@@ -193,7 +203,14 @@ def _cloud(gaussians, grid, rotation) -> GaussianCloud:
     return GaussianCloud(means, covariances, near.opacities.astype(np.float64))
 
 
-def _settle(position, value, trusted, fallback, *, sites):
+def _settle(
+    position: NDArray[np.float64],
+    value: NDArray[np.float64],
+    trusted: NDArray[np.bool_],
+    fallback: float,
+    *,
+    sites: int,
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Median of the trusted readings among the nearest ``sites``, and whether there were enough of them.
 
     Where too few neighbours can be trusted none is: a sparse capture's neighbourhoods cross from leaf to leaf.
@@ -233,7 +250,7 @@ def _settle_width(reading: RodReading) -> tuple[NDArray[np.float64], NDArray[np.
     return width, measured
 
 
-def _settle_ribbons(reading) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+def _settle_ribbons(reading: RodReading) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Whether each rod site is a ribbon, and its wide direction, by its 12 nearest trusted neighbours.
 
     One long blade must not change from flat to round and back with every few Gaussians.
@@ -252,7 +269,7 @@ def _settle_ribbons(reading) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     return flat, np.linalg.eigh(onto @ dyads @ onto)[1][:, :, 2]
 
 
-def _keep_connected(sites: Sites, seen, solid) -> NDArray[np.bool_]:
+def _keep_connected(sites: Sites, seen: NDArray[np.bool_], solid: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Sites to keep: the covered ones, and groups of uncovered ones without which covered ones would come apart."""
     keep = seen.copy()
     hidden = np.flatnonzero(~seen)
@@ -276,12 +293,20 @@ def _keep_connected(sites: Sites, seen, solid) -> NDArray[np.bool_]:
     return keep
 
 
-def _components(pairs, count):
+def _components(pairs: NDArray[np.int64], count: int) -> NDArray[np.int32]:
     graph = sparse.csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return connected_components(graph, directed=False)[1]
 
 
-def _part_of_particles(gaussians, parts, points_up, shape, labelled, side, rotation):
+def _part_of_particles(
+    gaussians: Gaussians,
+    parts: Parts,
+    points_up: NDArray[np.float64],
+    shape: NDArray[np.int8],
+    labelled: LabelGrid,
+    side: float,
+    rotation: NDArray[np.float64],
+) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
     """Part of each particle: the Gaussians around it where there are any, else its label cell's.
 
     The cells of the label grid are as wide as a leaf stands from its stem; Gaussians within 1.5 particle spacings
@@ -305,7 +330,16 @@ def _part_of_particles(gaussians, parts, points_up, shape, labelled, side, rotat
     return part, is_interior
 
 
-def _fill_vessel(part, is_interior, vessel, points_up, gaussians, parts, rotation, wall):
+def _fill_vessel(
+    part: NDArray[np.int32],
+    is_interior: NDArray[np.bool_],
+    vessel: int,
+    points_up: NDArray[np.float64],
+    gaussians: Gaussians,
+    parts: Parts,
+    rotation: NDArray[np.float64],
+    wall: float,
+) -> None:
     """Give what lies deeper than the wall of a vessel to the part that is seen on top of it (in place).
 
     No picture shows where pot ends and soil begins; a known wall thickness does.
@@ -332,7 +366,7 @@ def _fill_vessel(part, is_interior, vessel, points_up, gaussians, parts, rotatio
     is_interior[deep] = True
 
 
-def _pieces(middle, part) -> NDArray[np.int32]:
+def _pieces(middle: NDArray[np.float64], part: NDArray[np.int32]) -> NDArray[np.int32]:
     """Connected piece of each particle within its part."""
     pairs = KDTree(middle).query_pairs(_LINK, output_type="ndarray")
     same = part[pairs[:, 0]] == part[pairs[:, 1]]

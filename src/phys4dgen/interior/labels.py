@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion, generate_binary_structure
 from scipy.spatial import KDTree
 from scipy.stats import chi2
 
+from phys4dgen.interior.morphology import outermost_layer
 from phys4dgen.interior.voxels import VoxelGrid
 from phys4dgen.types import Gaussians
 
@@ -70,7 +70,7 @@ def label_cells(
     surface = _covered_by_ellipsoids(
         gaussians.subset(seen), means[seen], grid, valid, rotation, confidence, max_cells_per_gaussian
     )
-    surface |= valid & ~binary_erosion(valid, generate_binary_structure(3, 1))
+    surface |= outermost_layer(valid)
 
     part = np.full(grid.shape, -1, np.int32)
     cells = np.argwhere(surface)
@@ -82,7 +82,15 @@ def label_cells(
     return LabelGrid(grid, part, interior)
 
 
-def _covered_by_ellipsoids(gaussians, means, grid, valid, rotation, confidence, max_cells):
+def _covered_by_ellipsoids(
+    gaussians: Gaussians,
+    means: NDArray[np.float64],
+    grid: VoxelGrid,
+    valid: NDArray[np.bool_],
+    rotation: NDArray[np.float64],
+    confidence: float,
+    max_cells: int,
+) -> NDArray[np.bool_]:
     """Cells inside the confidence ellipsoid of some Gaussian, at most ``max_cells`` for each Gaussian.
 
     Candidates are a Gaussian's nearest cells in space; the ``max_cells`` nearest in Mahalanobis distance are taken.
@@ -97,7 +105,7 @@ def _covered_by_ellipsoids(gaussians, means, grid, valid, rotation, confidence, 
     k = min(_CANDIDATE_CELLS, len(centers))
     floor = np.eye(3) * (_FLOOR_REL * grid.side) ** 2
     for start in range(0, len(means), _CHUNK):
-        some = slice(start, start + _CHUNK)
+        some = np.arange(start, min(start + _CHUNK, len(means)))
         inverse = np.linalg.inv(rotation @ gaussians.subset(some).covariances() @ rotation.T + floor)
         _, near = tree.query(means[some], k=k, workers=-1)
         near = near.reshape(len(inverse), k)

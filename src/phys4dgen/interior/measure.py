@@ -249,7 +249,9 @@ def measure_rods(sites: Sites, section: NDArray[np.float64], cloud: GaussianClou
     return RodReading(moved, np.where(trusted, width, np.nan), directions[:, :, 2], is_ribbon, trusted)
 
 
-def _quadratic_fit(u, v, w, weight):
+def _quadratic_fit(
+    u: NDArray[np.float64], v: NDArray[np.float64], w: NDArray[np.float64], weight: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Values at (u, v) of the weighted least-squares surface w = c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2."""
     basis = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], -1)  # [S, k, 6]
     normal_matrix = np.einsum("sk,ska,skb->sab", weight, basis, basis)

@@ -7,7 +7,7 @@ The voxels are wider than the thing; what counts is where the Gaussians cover th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -140,10 +140,9 @@ def ribbon_sites(rods: Sites, width: NDArray[np.float64], across: NDArray[np.flo
     shift = (width / (2 * np.sqrt(3)))[:, None] * across
     normal = np.cross(rods.direction, across)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    twice = [
-        np.concatenate([a, a]) for a in (normal, rods.extent * width / 2, rods.edge_a, rods.edge_b, rods.is_bridge)
-    ]
-    return Sites(np.concatenate([rods.position + shift, rods.position - shift]), *twice)
+    halves = rods.where(np.ones(len(rods), bool), rods.extent * width / 2)
+    left, right = (replace(halves, position=rods.position + s, direction=normal) for s in (shift, -shift))
+    return join_sites(left, right)
 
 
 def join_sites(first: Sites, second: Sites) -> Sites:
@@ -158,7 +157,9 @@ def join_sites(first: Sites, second: Sites) -> Sites:
     )
 
 
-def _majority_axis(index, direction, shape):
+def _majority_axis(
+    index: NDArray[np.int64], direction: NDArray[np.float64], shape: tuple[int, ...]
+) -> NDArray[np.int64]:
     """The coordinate axis nearest to the direction, smoothed over neighbours so that regions do not fray."""
     axis = np.abs(direction).argmax(1)
     graph = neighbor_graph(index, shape)
@@ -171,7 +172,7 @@ def _majority_axis(index, direction, shape):
     return axis
 
 
-def _local_density(position, direction):
+def _local_density(position: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """Sites per unit area around each site; more than one where two column directions overlap."""
     tree = KDTree(position)
     pairs = tree.query_pairs(3.0, output_type="ndarray")

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.ndimage import binary_closing, distance_transform_edt, generate_binary_structure, label
+from scipy.ndimage import binary_closing, generate_binary_structure
 
+from phys4dgen.interior.morphology import connected_pieces, distance_to_false
 from phys4dgen.types import ROD, SHEET
 
 __all__ = ["ThinVoxels", "describe_thin_voxels", "neighbor_graph", "split_thick_and_thin"]
@@ -66,16 +67,16 @@ def split_thick_and_thin(solid: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], N
     if not core.any():
         return np.zeros_like(solid), solid.copy()
     # Slits between a carved body and the denser skin around it are gaps of the method, not of the object.
-    closed = binary_closing(np.pad(solid, 2), generate_binary_structure(3, 2), iterations=1)[2:-2, 2:-2, 2:-2]
-    solid = solid | (closed & (distance_transform_edt(~core) <= _CORE_EDT + 1.5))
+    closed = np.asarray(binary_closing(np.pad(solid, 2), generate_binary_structure(3, 2)), bool)[2:-2, 2:-2, 2:-2]
+    solid = solid | (closed & (distance_to_false(~core) <= _CORE_EDT + 1.5))
     core = _edt(solid) > _CORE_EDT
-    from_core = distance_transform_edt(~core)
+    from_core = distance_to_false(~core)
     thick = solid & (from_core <= _CORE_EDT)
     thin = solid & ~thick
-    labels, count = label(thin, np.ones((3, 3, 3)))
+    labels, count = connected_pieces(thin)
     if count:
         reach = np.zeros(count + 1)
-        np.maximum.at(reach, labels[thin], distance_transform_edt(~thick)[thin])
+        np.maximum.at(reach, labels[thin], distance_to_false(~thick)[thin])
         near = reach <= 3.0
         near[0] = False
         thick |= near[labels]
@@ -84,7 +85,7 @@ def split_thick_and_thin(solid: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], N
 
 def _edt(solid: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Distance in voxels to the outside; the border of the array counts as outside."""
-    return distance_transform_edt(np.pad(solid, 1))[1:-1, 1:-1, 1:-1]
+    return distance_to_false(np.pad(solid, 1))[1:-1, 1:-1, 1:-1]
 
 
 def neighbor_graph(index: NDArray[np.int64], shape: tuple[int, ...]) -> sparse.csr_matrix:
@@ -132,7 +133,9 @@ def describe_thin_voxels(thin: NDArray[np.bool_], stout: NDArray[np.bool_] | Non
     return ThinVoxels(index, kind, direction, near_middle)
 
 
-def _local_moments(index, reachable, radius):
+def _local_moments(
+    index: NDArray[np.int64], reachable: sparse.csr_matrix, radius: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Centroid, ascending variances, their directions and the count of reachable voxels within ``radius`` of each."""
     pairs = reachable.tocoo()
     apart = index[pairs.row] - index[pairs.col]
@@ -154,7 +157,9 @@ def _majority(flag: NDArray[np.bool_], graph: sparse.csr_matrix) -> NDArray[np.b
     return share > 0.5
 
 
-def _smooth_direction(direction, kind, graph):
+def _smooth_direction(
+    direction: NDArray[np.float64], kind: NDArray[np.int8], graph: sparse.csr_matrix
+) -> NDArray[np.float64]:
     """Mean axis of the neighbours of the same kind (of n n^T, since a normal has no sign)."""
     result = direction.copy()
     for value in (SHEET, ROD):

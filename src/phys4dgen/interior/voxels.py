@@ -45,7 +45,7 @@ class VoxelGrid:
     def contains(self, points: NDArray[Any]) -> NDArray[np.bool_]:
         """Whether each point lies inside the grid."""
         relative = (np.asarray(points) - self.lower) / self.side
-        return ((relative >= 0) & (relative < np.array(self.shape))).all(-1)
+        return np.asarray(((relative >= 0) & (relative < np.array(self.shape))).all(-1))
 
     def all_centers(self) -> NDArray[np.float64]:
         """Centres of all voxels in C order, shape [nx * ny * nz, 3]."""
