@@ -207,10 +207,11 @@ def fill(scene: Scene, asset: Asset, parts: Parts, progress: Progress) -> Interi
         f"{len(interior.continuum)} particles in {interior.solid_voxels} solid voxels; "
         f"{found.pieces_before} pieces, {found.pieces_after} after bridging ({found.bridge_voxels} bridge voxels)."
     )
-    if found.share_in_largest < 0.995:
+    if found.share_in_largest < 0.995 or interior.loose_particles:
         progress.warn(
-            f"The object falls into {found.pieces_after} pieces and the largest holds only "
-            f"{found.share_in_largest:.1%} of it; loose pieces move on their own."
+            f"The object falls into {found.pieces_after} pieces and the largest holds {found.share_in_largest:.1%} of "
+            f"it; small loose ones ({interior.loose_particles} particles) are not simulated but carried by what is "
+            "nearest."
         )
     return interior
 

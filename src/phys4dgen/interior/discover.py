@@ -7,7 +7,7 @@ paper's label grid, particles seeded, each with its part, its piece and its true
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ __all__ = ["Interior", "discover_interior"]
 
 _FALLBACK_THICKNESS_M = 8e-4  # a leaf blade; the part's material may know better (materials/library.yaml)
 _LINK = 2.0  # voxels: particles closer than a grid cell hang together in MPM
+_COUPLED = 3.0  # voxels: particles within 1.5 cells share grid nodes
+_LEAST_BODY = 0.05  # of the largest group of coupled particles
 _MIN_TRUSTED_SHARE = 0.3
 _SHEET_SITES = 24
 _ROD_REACH = 8.0  # voxels along a rod within which its width is one
@@ -49,6 +51,7 @@ class Interior:
         solid_voxels: number of solid voxels.
         agreement: IoU of the carved and the dense solid, a figure of quality.
         density_threshold: that was used on the accumulated opacity.
+        loose_particles: left out, because they hang in the air: their Gaussians are carried by the nearest body.
     """
 
     continuum: Continuum
@@ -56,6 +59,7 @@ class Interior:
     solid_voxels: int
     agreement: float
     density_threshold: float
+    loose_particles: int
 
 
 def discover_interior(
@@ -104,7 +108,7 @@ def discover_interior(
     agreement = float((carved & dense).sum() / max((carved | dense).sum(), 1))
     solid, bridges, bridge_report = bridge_pieces(carved | dense)
 
-    seeds = _seed(gaussians, views, solid, bridges, grid, frame)
+    seeds, loose = _without_crumbs(_seed(gaussians, views, solid, bridges, grid, frame))
     positions_up = grid.centers(seeds.middle + seeds.offset)
     middle_up = grid.centers(seeds.middle)
 
@@ -139,7 +143,7 @@ def discover_interior(
         offset_m=seeds.offset * side * unit,
         spacing_m=side * unit,
     )
-    return Interior(continuum, bridge_report, int(solid.sum()), agreement, threshold)
+    return Interior(continuum, bridge_report, int(solid.sum()), agreement, threshold, loose)
 
 
 def _seed(
@@ -193,6 +197,17 @@ def _solid_voxels(
     rim = outermost_layer(solid)[tuple(index.T)]
     share[rim] = np.clip(solid_share(grid, index[rim], views, rotation), _LEAST_SHARE, 1)
     return index, share
+
+
+def _without_crumbs(seeds: Seeds) -> tuple[Seeds, int]:
+    """The seeds without small groups that no grid node connects to the body, and how many were left out.
+
+    A leaf's tip that the capture shows without its leaf would fly off on its own in the first gust.
+    """
+    group = _components(KDTree(seeds.middle).query_pairs(_COUPLED, output_type="ndarray"), len(seeds.middle))
+    size = np.bincount(group)
+    keep = (size >= _LEAST_BODY * size.max())[group]
+    return Seeds(*(getattr(seeds, field.name)[keep] for field in fields(seeds))), int((~keep).sum())
 
 
 def _cloud(gaussians: Gaussians, grid: VoxelGrid, rotation: NDArray[np.float64]) -> GaussianCloud:

@@ -92,6 +92,7 @@ def write_interior(run: RunFolder, interior: Interior) -> None:
         "solid_voxels": interior.solid_voxels,
         "agreement": interior.agreement,
         "density_threshold": interior.density_threshold,
+        "loose_particles": interior.loose_particles,
         **{f"bridges_{name}": value for name, value in asdict(interior.bridges).items()},
     }
     run.write_npz(run.continuum_npz, {name: np.asarray(value) for name, value in {**particles, **facts}.items()})
@@ -111,6 +112,7 @@ def read_interior(run: RunFolder) -> Interior:
         solid_voxels=arrays["solid_voxels"].item(),
         agreement=arrays["agreement"].item(),
         density_threshold=arrays["density_threshold"].item(),
+        loose_particles=arrays["loose_particles"].item(),
     )
 
 
