@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from phys4dgen.errors import SceneError
-from phys4dgen.motion import choose_held, damped_frequency, damping_per_s, gust
+from phys4dgen.motion import choose_held, damped_frequency, damping_per_s, gust, gust_response_frequency
 from phys4dgen.types import SOLID, Continuum, Frame, Parts, rotation_to_z_up
 
 FRAME = Frame(rotation_to_z_up(np.array([0.0, -1, 0])), 0.5)
@@ -140,6 +140,24 @@ def test_the_reading_bears_noise_and_a_weaker_second_mode():
     found_hz, found_zeta = damped_frequency(signal, 1 / 24)
     assert found_hz == pytest.approx(1.7, rel=0.05)
     assert found_zeta == pytest.approx(0.08, abs=0.02)
+
+
+@pytest.mark.parametrize("frequency_hz", [0.8, 2.0, 5.5])
+@pytest.mark.parametrize("zeta", [0.0, 0.08, 0.2])
+@pytest.mark.parametrize("mean_m", [1e-5, 0.02])
+def test_the_frequency_is_read_from_the_answer_to_a_gust(frequency_hz, zeta, mean_m):
+    """Up to just after the first peak, as the probe runs; the oscillator is integrated in small steps."""
+    omega, gust_s, fine_s = 2 * math.pi * frequency_hz, 0.3, 1e-4
+    x, v, history = 0.0, 0.0, []
+    for k in range(math.ceil((gust_s + 0.6 / frequency_hz) / fine_s)):
+        load = mean_m * omega**2 if k * fine_s < gust_s else 0.0
+        v += fine_s * (load - 2 * zeta * omega * v - omega**2 * x)
+        x += fine_s * v
+        history.append(x)
+    every = round(1 / 48 / fine_s)
+    signal = np.array(history)[every - 1 :: every]
+    found_hz = gust_response_frequency(signal, every * fine_s, gust_s)
+    assert found_hz == pytest.approx(frequency_hz, rel=0.10)
 
 
 # ------------------------------------------------------------------------------------------------ gust

@@ -113,7 +113,9 @@ def _held_parts(continuum: Continuum, parts: Parts, names: set[str], reason: str
     return Held(np.isin(continuum.part, numbers), ordered, f"{', '.join(ordered)}: {reason}" if ordered else reason)
 
 
-def _standing_parts(z_m, part, parts: Parts, low: float, high: float) -> set[int]:
+def _standing_parts(
+    z_m: NDArray[np.float64], part: NDArray[np.int32], parts: Parts, low: float, high: float
+) -> set[int]:
     """Parts on the ground whose top is low, and the parts that these enclose (soil, rim)."""
     height = high - low
     standing = set()
@@ -228,7 +230,7 @@ def gust_response_frequency(signal: Sequence[float] | NDArray[np.float64], step_
     response s(t) = 1 - exp(-zeta w t) (cos w' t + zeta / sqrt(1 - zeta^2) sin w' t).
     """
     y = np.asarray(signal, np.float64)
-    t = step_s * (1 + np.arange(len(y)))
+    t = step_s * np.arange(1, len(y) + 1, dtype=np.float64)
     best = (math.inf, _ASSUMED_FREQUENCY_HZ)
     for frequency in np.geomspace(0.15, 0.4 / step_s, 240):
         for zeta in (0.02, 0.06, 0.12, 0.2):

@@ -103,7 +103,7 @@ def with_simulated_skin(body: Body, held: HeldNodes, places: NDArray[Any]) -> Bo
         return body
     distance, near = KDTree(places[moving]).query(places[still], distance_upper_bound=_SKIN_CELLS)
     skin = np.isfinite(distance) & held.touches_free(places[still])
-    chosen, donor = still[skin], moving[near[skin]]
+    chosen, donor = still[skin], moving[np.asarray(near)[skin]]
     simulated = {name: getattr(body, name).copy() for name in _MATERIAL}
     for values in simulated.values():
         values[chosen] = values[donor]
