@@ -384,7 +384,7 @@ def move(
         ),
         continuum.positions,
     )
-    times_s = np.arange(scene.frame_count) * scene.frame_time_s
+    times_s = np.arange(scene.frame_count, dtype=np.float64) * scene.frame_time_s
 
     def frames() -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
         for k in range(scene.frame_count):

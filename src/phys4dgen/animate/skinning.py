@@ -13,6 +13,7 @@ Away from the particles the interpolated deformation gradient is an extrapolatio
 
 Far floaters are carried and not held in space: captures have semi-transparent Gaussians off thin leaves, and one that
 stays behind looks like a tear. Both rules are continuous in the distance, so neighbours never part at a threshold.
+A visible group of Gaussians that hangs in the air (the tip of a leaf whose middle the capture lost) is carried as one.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from phys4dgen.errors import StageError
@@ -42,6 +45,9 @@ to the third."""
 
 FOREIGN_REACH = 1.0
 """A Gaussian beyond AFFINE_REACH of its own part hangs on another free part that is nearer than this (label noise)."""
+
+VISIBLE, ISLAND_LINK = 0.1, 4.0
+"""Opacity above which Gaussians form an island, and the distance in spacings within which they belong to one."""
 
 _TIE_MARGIN = 4  # neighbours asked for beyond the eight, so that equal distances are settled by particle number
 
@@ -116,6 +122,9 @@ def skin(
             means[rows], continuum.positions, members, count=NEIGHBOURS, workers=workers
         )
 
+    for group in _islands(means, labels, distances[:, 0], gaussians.opacities, spacing):
+        anchor = group[distances[group, 0].argmin()]
+        particles[group], distances[group] = particles[anchor], distances[anchor]
     nearest = distances[:, 0] / spacing
     weights = _weights(distances, spacing)
     arm = means - np.einsum("nk,nka->na", weights, continuum.positions[particles])
@@ -129,6 +138,26 @@ def skin(
         distance_spacings=nearest.astype(np.float32),
         adopted=continuum.part[carrier] != labels,
     )
+
+
+def _islands(
+    means: NDArray[np.float64],
+    labels: NDArray[np.int32],
+    distance: NDArray[np.float64],
+    opacities: NDArray[np.float32],
+    spacing: float,
+) -> list[NDArray[np.intp]]:
+    """Groups of visible Gaussians of one part, beyond the rigid reach of any particle, that hang together."""
+    far = np.flatnonzero((distance > RIGID_REACH * spacing) & (opacities > VISIBLE))
+    if len(far) < 2:
+        return []
+    pairs = KDTree(means[far]).query_pairs(ISLAND_LINK * spacing, output_type="ndarray")
+    pairs = pairs[labels[far[pairs[:, 0]]] == labels[far[pairs[:, 1]]]]
+    graph = sparse.csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(far), len(far)))
+    _, island = connected_components(graph, directed=False)
+    order = np.argsort(island, kind="stable")
+    groups = np.split(far[order], np.flatnonzero(np.diff(island[order])) + 1)
+    return [group for group in groups if len(group) > 1]
 
 
 def _carrying_particle(
