@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from phys4dgen.errors import StageError
+from phys4dgen.interior import discover_interior
 from phys4dgen.interior.bridge import bridge_pieces
 from phys4dgen.interior.carve import carve, solid_share
 from phys4dgen.interior.density import accumulated_opacity, density_threshold
@@ -10,7 +12,7 @@ from phys4dgen.interior.sites import ribbon_sites, rod_sites, sheet_sites
 from phys4dgen.interior.thin import describe_thin_voxels, split_thick_and_thin
 from phys4dgen.interior.voxels import VoxelGrid
 from phys4dgen.render.cameras import view_cameras
-from phys4dgen.types import ROD, SHEET, Gaussians, Views, rotation_to_z_up
+from phys4dgen.types import ROD, SHEET, Frame, Gaussians, Parts, Views, rotation_to_z_up
 
 SIZE = 48
 MIDDLE = (SIZE - 1) / 2
@@ -342,3 +344,13 @@ def test_the_threshold_follows_how_densely_a_capture_is_drawn():
     assert threshold(3, opacity=0.05) == threshold(3)  # a capture of faint Gaussians only is still a capture
     outside = _gaussians([[99.0, 0, 0]], scales=0.2)
     assert density_threshold(outside, grid, np.eye(3)) == pytest.approx(0.3)
+
+
+def test_an_object_without_substance_is_refused_in_one_sentence(sphere):
+    views, rotation, _ = sphere
+    empty = Views(views.cameras, views.rgb, np.zeros_like(views.alpha), np.zeros_like(views.depth))
+    haze = _gaussians(np.random.default_rng(0).normal(CENTER, 0.2, (500, 3)), scales=0.01, opacity=0.01)
+    parts = Parts(np.zeros(500, np.int32), ("haze",), "test")
+    with pytest.raises(StageError, match="no solid was found") as caught:
+        discover_interior(haze, empty, parts, frame=Frame(rotation, 0.3), cell=0.05)
+    assert "\n" not in str(caught.value)

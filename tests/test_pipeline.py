@@ -236,12 +236,12 @@ def test_a_frame_from_disk_looks_like_the_frame_in_memory(run, scene):
 
 
 @pytest.fixture(scope="module")
-def found_volumes(flower):
-    """Volume over true volume of every part, from the whole flower on the default grid."""
+def interior(flower):
+    """The inside of the whole flower on the default grid."""
     rotation = rotation_to_z_up(flower.up)
     lower, upper = flower.gaussians.robust_bounds(rotation=rotation)
     cameras = view_cameras("carve", lower=lower, upper=upper, rotation=rotation, size_px=640)
-    interior = discover_interior(
+    return discover_interior(
         flower.gaussians,
         render_views(flower.gaussians, cameras),
         Parts(flower.labels, flower.part_names, "truth"),
@@ -249,7 +249,11 @@ def found_volumes(flower):
         cell=float((upper - lower).max()) / 64,
         wall_m={flower.part_names.index("pot"): WALL_M},
     )
-    assert interior.bridges.share_in_largest >= 0.995
+
+
+@pytest.fixture(scope="module")
+def found_volumes(flower, interior):
+    """Volume over true volume of every part, and the share of its particles whose thickness was measured."""
     particles = interior.continuum
     volume_m3 = np.bincount(particles.part, particles.volume_m3, len(flower.part_names))
     measured = np.bincount(particles.part, particles.thickness_measured, len(flower.part_names))
@@ -258,6 +262,11 @@ def found_volumes(flower):
         name: (volume_m3[number] / flower.truth[name].volume_m3, measured[number] / count[number])
         for number, name in enumerate(flower.part_names)
     }
+
+
+def test_the_flower_is_one_connected_body(interior):
+    assert interior.bridges.share_in_largest >= 0.995
+    assert interior.loose_particles == 0  # its leaves hang on its stem
 
 
 @pytest.mark.parametrize("part", ["soil", "stem", "leaves", "petals"])
