@@ -122,10 +122,10 @@ def skin(
             means[rows], continuum.positions, members, count=NEIGHBOURS, workers=workers
         )
 
+    nearest = distances[:, 0] / spacing
     for group in _islands(means, labels, distances[:, 0], gaussians.opacities, spacing):
         anchor = group[distances[group, 0].argmin()]
         particles[group], distances[group] = particles[anchor], distances[anchor]
-    nearest = distances[:, 0] / spacing
     weights = _weights(distances, spacing)
     arm = means - np.einsum("nk,nka->na", weights, continuum.positions[particles])
     length = np.linalg.norm(arm, axis=1)

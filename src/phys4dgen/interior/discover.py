@@ -20,6 +20,7 @@ from phys4dgen.interior.bridge import BridgeReport, bridge_pieces
 from phys4dgen.interior.carve import carve, solid_share
 from phys4dgen.interior.density import accumulated_opacity, density_threshold
 from phys4dgen.interior.labels import LabelGrid, label_cells
+from phys4dgen.interior.links import link_groups
 from phys4dgen.interior.measure import GaussianCloud, RodReading, covered_share, is_stout, measure_rods, measure_sheets
 from phys4dgen.interior.morphology import outermost_layer
 from phys4dgen.interior.seed import Seeds, join_seeds, seed_rods, seed_sheets, seed_solid
@@ -32,6 +33,7 @@ __all__ = ["Interior", "discover_interior"]
 
 _FALLBACK_THICKNESS_M = 8e-4  # a leaf blade; the part's material may know better (materials/library.yaml)
 _LINK = 2.0  # voxels: particles closer than a grid cell hang together in MPM
+_LONGEST_LINK = 8.0  # voxels
 _COUPLED = 3.0  # voxels: particles within 1.5 cells share grid nodes
 _LEAST_BODY = 0.05  # of the largest group of coupled particles
 _MIN_TRUSTED_SHARE = 0.3
@@ -179,12 +181,21 @@ def _seed(
     ribbons = ribbon_sites(rods.where(flat, rods.extent), width[flat], across[flat])
     thickness = np.concatenate([thickness, np.full(len(ribbons), fallback)])
     measured = np.concatenate([measured, np.zeros(len(ribbons), bool)])
+    sheets = join_sites(sheets, ribbons)
+    rods, width, width_measured = rods.where(~flat, rods.extent), np.minimum(width[~flat], 4.0), width_measured[~flat]
+
+    body, body_share = _solid_voxels(thick, solid, views, grid, frame.rotation)
+    links, link_width = link_groups(
+        np.concatenate([body.astype(np.float64), sheets.position, rods.position]),
+        np.concatenate([np.full(len(body), 2.0), np.ones(len(sheets)), width]),
+        apart=_LINK,
+        reach=_LONGEST_LINK,
+    )
+    rods = join_sites(rods, links)
+    width = np.concatenate([width, link_width])
+    width_measured = np.concatenate([width_measured, np.zeros(len(links), bool)])
     return join_seeds(
-        [
-            seed_solid(*_solid_voxels(thick, solid, views, grid, frame.rotation)),
-            seed_sheets(join_sites(sheets, ribbons), thickness, measured),
-            seed_rods(rods.where(~flat, rods.extent), np.minimum(width[~flat], 4.0), width_measured[~flat]),
-        ]
+        [seed_solid(body, body_share), seed_sheets(sheets, thickness, measured), seed_rods(rods, width, width_measured)]
     )
 
 

@@ -33,6 +33,7 @@ _MAX_FLATNESS = 0.1
 _STOUT_RADIUS = 2.0
 _STOUT_FLATNESS = 0.25
 _SOLID_OPACITY = 0.3
+_SHELL_RATIO = 0.85  # of the quartiles of the radius: a shell as captures scatter it
 _RIBBON_RATIO = 0.15  # of the squared diameters: about 2.6 times as wide as thick
 _FACE_SHARES = np.linspace(0, 1, 101)
 _KURTOSIS = (_FACE_SHARES + (1 - _FACE_SHARES) / 5) / (_FACE_SHARES + (1 - _FACE_SHARES) / 3) ** 2
@@ -241,7 +242,7 @@ def measure_rods(sites: Sites, section: NDArray[np.float64], cloud: GaussianClou
     radius[count == 0] = 0
     low, middle, high = np.nanquantile(radius, [0.25, 0.5, 0.75], axis=1)
     # Shell: all quartiles equal R. Filled disc: 0.5, 0.707, 0.866 of R.
-    shell = np.clip((low / np.maximum(high, 1e-12) - 0.577) / 0.423, 0, 1)
+    shell = np.clip((low / np.maximum(high, 1e-12) - 0.577) / (_SHELL_RATIO - 0.577), 0, 1)
     sparse_width = np.sqrt((squares[:, 1] + squares[:, 2]) / 2 * 8 / 12)  # a shell's R^2 / 2 per axis, not t^2 / 12
     round_width = np.where(count >= 12, 2 * middle / (0.707 + 0.293 * shell), sparse_width)
     width = np.where(is_ribbon, np.sqrt(squares[:, 2]), round_width)
