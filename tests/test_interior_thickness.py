@@ -191,6 +191,21 @@ def test_the_next_blade_does_not_count():
     np.testing.assert_allclose(beside.width, alone.width, rtol=1e-6)
 
 
+def test_a_long_gaussian_that_crosses_the_rod_does_not_count():
+    along = np.array([[0, 0.0, z] for z in np.arange(-14, 15, 0.5)])
+    across = np.array([[0.2, 0.1, z] for z in np.arange(-8, 9, 2.0)])
+    thin = np.array(
+        [np.diag([0.2**2, 0.2**2, 1.0**2])] * len(along) + [np.diag([2.0**2, 0.1**2, 0.1**2])] * len(across)
+    )
+    sites = _sites(np.column_stack([np.zeros((9, 2)), np.arange(-4, 5)]), [0.0, 0, 1])
+    both = GaussianCloud(np.concatenate([along, across]), thin, np.full(len(thin), 0.9))
+    alone = GaussianCloud(along, thin[: len(along)], np.full(len(along), 0.9))
+    section = np.full(9, 6.0)
+    crossed, clean = measure_rods(sites, section, both), measure_rods(sites, section, alone)
+    assert not crossed.is_ribbon.any()
+    np.testing.assert_allclose(crossed.width, clean.width, rtol=1e-6)
+
+
 # ------------------------------------------------------------------------------------------------ particles
 
 

@@ -268,6 +268,21 @@ def test_a_ball_is_carved_with_its_volume(sphere):
     np.testing.assert_array_equal(share[distance < RADIUS - 1.5 * side], 1)
 
 
+def test_the_surface_that_one_view_sees_is_kept_with_half_a_voxel(sphere):
+    """In front of the ball, along the line of sight: no less, or many views eat it away; no more, or it grows fat."""
+    views, rotation, center_up = sphere
+    one = Views(views.cameras[:1], views.rgb[:1], views.alpha[:1], views.depth[:1])
+    toward = rotation @ views.cameras[0].position - center_up
+    toward /= np.linalg.norm(toward)
+    side = RADIUS / 4
+    surfaces = []
+    for step in np.linspace(0, 1, 21):  # one column of voxels, shifted through one voxel
+        grid = VoxelGrid(center_up + (RADIUS + step * side) * toward - side / 2, side, (1, 1, 1))
+        if carve(grid, one, rotation).all():
+            surfaces.append(step)
+    assert max(surfaces) == pytest.approx(0.5, abs=0.1)
+
+
 def test_what_no_picture_shows_is_not_carved_away(sphere):
     """A voxel outside of a picture, or behind its camera, is not judged by it."""
     views, rotation, center_up = sphere
