@@ -40,7 +40,8 @@ def link_groups(
             break
         rest = np.flatnonzero(~main)
         body = np.flatnonzero(main)
-        distance, near = KDTree(position[body]).query(position[rest], distance_upper_bound=reach)
+        found = KDTree(position[body]).query(position[rest], distance_upper_bound=reach)
+        distance, near = np.asarray(found[0]), np.asarray(found[1])
         order = np.argsort(distance, kind="stable")
         order = order[np.isfinite(distance[order])]
         if len(order) == 0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import os
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -117,9 +118,8 @@ def _sections(facts: MotionFacts | None) -> dict[str, Any]:
 
 def _kernels_are_compiled() -> bool:
     """Whether Numba has cached kernels of this package, beside the sources or where NUMBA_CACHE_DIR says."""
-    import numba
-
-    places = [Path(__file__).parents[1], *([Path(numba.config.CACHE_DIR)] if numba.config.CACHE_DIR else [])]
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    places = [Path(__file__).parents[1], *([Path(chosen)] if chosen else [])]
     return any(next(place.rglob("step.advance-*.nbi"), None) for place in places if place.is_dir())
 
 
