@@ -94,6 +94,8 @@ def unit_quaternions(quats_wxyz: NDArray[Any]) -> tuple[NDArray[np.float32], lis
     """Normalise quaternions [N, 4]; those of zero length become the identity. Returns them and the notes."""
     wide = quats_wxyz.astype(np.float64)  # float32 squares of legal file values can overflow
     norms = np.sqrt(np.einsum("ij,ij->i", wide, wide))
+    # A float32 quaternion that is as near to unit length as it can be stays as it is: files must read back to the bit.
+    norms[np.abs(norms - 1) < 3e-7] = 1.0
     zero = norms < 1e-18
     if not zero.any():
         return (wide / norms[:, None]).astype(np.float32), []

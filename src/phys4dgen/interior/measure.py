@@ -243,7 +243,9 @@ def measure_rods(sites: Sites, section: NDArray[np.float64], cloud: GaussianClou
     low, middle, high = np.nanquantile(radius, [0.25, 0.5, 0.75], axis=1)
     # Shell: all quartiles equal R. Filled disc: 0.5, 0.707, 0.866 of R.
     shell = np.clip((low / np.maximum(high, 1e-12) - 0.577) / (_SHELL_RATIO - 0.577), 0, 1)
-    sparse_width = np.sqrt((squares[:, 1] + squares[:, 2]) / 2 * 8 / 12)  # a shell's R^2 / 2 per axis, not t^2 / 12
+    # Round and sparse: a shell scatters its centres by R^2 / 2 along each axis, and is seen to 1.1 sigma beyond them.
+    round_squares = np.trace(onto @ (8 * scatter + 4.8 * own) @ onto, axis1=1, axis2=2) / 2
+    sparse_width = np.sqrt(round_squares)
     round_width = np.where(count >= 12, 2 * middle / (0.707 + 0.293 * shell), sparse_width)
     width = np.where(is_ribbon, np.sqrt(squares[:, 2]), round_width)
     moved = Sites(position, axis, sites.extent, sites.edge_a, sites.edge_b, sites.is_bridge)
