@@ -23,11 +23,14 @@ from phys4dgen.motion import damped_frequency
 def main() -> None:
     """Read the run folder and print its figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("run", type=Path)
+    parser.add_argument("run", type=Path, nargs="?", help="run folder with a trajectory; without it nothing is judged")
     parser.add_argument("--axis", choices="xyz", default="y", help="input axis that tells moving from still")
     parser.add_argument("--moving-below", type=float, help="Gaussians with a smaller coordinate should move")
     parser.add_argument("--still-above", type=float, help="Gaussians with a larger coordinate should not")
     options = parser.parse_args()
+    if options.run is None:
+        print("skipped: name a run folder, python benchmarks/judge_motion.py RUN")
+        return
 
     gaussians = load_gaussians(options.run / "gaussians.ply")
     groups = np.load(options.run / "groups.npz", allow_pickle=False)
