@@ -36,7 +36,7 @@ _RIM = 0.03
 _LOWEST_SHARE = 0.1
 _PROBE_MS2 = 1.0
 _PROBE_FPS = 24.0
-_LONGEST_PROBE_S = 1.25
+_LONGEST_PROBE_S = 0.7  # what swings more slowly goes a little farther than it was aimed at
 _PAST_PEAK = 0.97
 _ASSUMED_FREQUENCY_HZ = 1.0
 

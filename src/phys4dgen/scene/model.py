@@ -205,7 +205,7 @@ class Simulation(_Section):
     """frames of the film per second"""
     frame_time_s: Auto | Annotated[float, Field(gt=0, le=10)] = "auto"
     """simulated time between two frames; auto: 1 / fps (real time)"""
-    cfl: Annotated[float, Field(gt=0, le=0.7)] = 0.5
+    cfl: Annotated[float, Field(gt=0, le=0.7)] = 0.6
     """time step as a share of the time in which a wave crosses a cell"""
     damping_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.08
     """of the lowest mode (mass-proportional)"""
