@@ -17,7 +17,7 @@ from phys4dgen.run.stages import stage_digests, stages_until
 from phys4dgen.scene import Scene, dump_scene, refuse_impossible_part_names
 
 if TYPE_CHECKING:
-    from phys4dgen.pipeline import MotionFacts
+    from phys4dgen.stages.motion_facts import MotionFacts
 
 __all__ = ["Run", "generate"]
 

@@ -18,7 +18,6 @@ from phys4dgen.export.video import write_video
 from phys4dgen.formats import save_gaussians
 from phys4dgen.interior import Interior
 from phys4dgen.materials import write_materials
-from phys4dgen.pipeline import Asset, Film, Motion, MotionFacts, settled_thickness
 from phys4dgen.render.views import render_labels
 from phys4dgen.run.artefacts import (
     read_groups,
@@ -33,6 +32,11 @@ from phys4dgen.run.prediction import predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import PartReport, part_reports
 from phys4dgen.scene import Scene, dump_scene
+from phys4dgen.stages.asset import Asset
+from phys4dgen.stages.film import Film
+from phys4dgen.stages.interior import settled_thickness
+from phys4dgen.stages.motion import Motion
+from phys4dgen.stages.motion_facts import MotionFacts
 from phys4dgen.types import Masks, MaterialBook, Parts, Views
 
 __all__ = ["RunStore"]

@@ -1,0 +1,1 @@
+"""The stages of the pipeline: each turns core types into core types, one file per stage."""

@@ -1,0 +1,75 @@
+"""The object as it was given: which way is up and how large it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.errors import SceneError
+from phys4dgen.formats import load_gaussians
+from phys4dgen.progress import Progress
+from phys4dgen.scene import Scene
+from phys4dgen.types import Frame, Gaussians, rotation_to_z_up
+from phys4dgen.types.upright import guess_up
+
+__all__ = ["Asset", "load"]
+
+
+@dataclass(frozen=True, eq=False)
+class Asset:
+    """The object and how it stands in the world.
+
+    Attributes:
+        gaussians: as in the input, its N and order.
+        frame: input coordinates -> metres, z up.
+        lower, upper: robust box in upright axes, input units, [3].
+        cell: grid cell dx of the simulation, input units.
+    """
+
+    gaussians: Gaussians
+    frame: Frame
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    cell: float
+
+    @property
+    def cell_m(self) -> float:
+        """Grid cell dx, metres."""
+        return self.cell * self.frame.metres_per_unit
+
+    @property
+    def height_m(self) -> float:
+        """Robust extent along up, metres."""
+        return float(self.upper[2] - self.lower[2]) * self.frame.metres_per_unit
+
+
+def load(scene: Scene, progress: Progress) -> Asset:
+    """Read the splat and decide which way is up and how large it is."""
+    gaussians = load_gaussians(scene.input)
+    rotation = rotation_to_z_up(_up_vector(scene, gaussians, progress))
+    lower, upper = gaussians.robust_bounds(rotation=rotation)
+    extent = upper - lower
+    if not (extent > 0).all():
+        raise SceneError(f"{scene.input}: expected an object with a volume, got an extent of {extent.tolist()} units.")
+    if scene.longest_m is not None:
+        metres_per_unit = scene.longest_m / extent.max()
+    else:
+        if scene.height_m == "auto":
+            progress.warn("The real size is not known: the object is taken to be 0.3 m tall; give --height-m.")
+        metres_per_unit = (0.3 if isinstance(scene.height_m, str) else scene.height_m) / extent[2]
+    frame = Frame(rotation, float(metres_per_unit))
+    return Asset(gaussians, frame, lower, upper, float(extent.max()) / scene.simulation.grid)
+
+
+def _up_vector(scene: Scene, gaussians: Gaussians, progress: Progress) -> NDArray[np.float64]:
+    if not isinstance(scene.up, str):
+        return np.array(scene.up)
+    if scene.up != "auto":
+        axis = "xyz".index(scene.up[-1])
+        return np.eye(3)[axis] * (-1.0 if scene.up.startswith("-") else 1.0)
+    guess = guess_up(gaussians)
+    if not guess.is_sure:
+        progress.warn(f"Which way is up is a guess ({guess.reason}); give --up if the picture is on its side.")
+    return guess.up

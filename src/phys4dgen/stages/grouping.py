@@ -1,0 +1,39 @@
+"""Parts: which Gaussians belong together (Paper: Sec. 3.2)."""
+
+from __future__ import annotations
+
+from phys4dgen.grouping.appearance import group_by_appearance
+from phys4dgen.grouping.from_file import parts_from_file, rename_parts, single_part
+from phys4dgen.progress import Progress
+from phys4dgen.scene import Scene
+from phys4dgen.stages.asset import Asset
+from phys4dgen.stages.views import rendered
+from phys4dgen.types import Parts, Views
+
+__all__ = ["group"]
+
+
+def group(scene: Scene, asset: Asset, views: Views, progress: Progress) -> Parts:
+    """Divide the Gaussians into parts (Paper: Sec. 3.2)."""
+    wanted = scene.grouping
+    if wanted.labels_file is not None:
+        parts = parts_from_file(wanted.labels_file, len(asset.gaussians))
+    elif wanted.backend == "none":
+        parts = single_part(len(asset.gaussians))
+    else:
+        count = None if isinstance(wanted.parts, str) else wanted.parts
+        parts, _ = group_by_appearance(
+            asset.gaussians,
+            asset.frame,
+            parts=count,
+            views=_object_views(scene, asset, views, progress),
+            progress=progress,
+        )
+    parts = rename_parts(parts, wanted.names)
+    progress.note(f"{parts.count} parts by {parts.backend}: {', '.join(parts.names)}.")
+    return parts
+
+
+def _object_views(scene: Scene, asset: Asset, views: Views, progress: Progress) -> Views:
+    """Parts are read from the ``object`` table whatever views the user wants to look at."""
+    return views if scene.views.preset == "object" else rendered(asset, "object", 256, progress)

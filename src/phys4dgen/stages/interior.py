@@ -1,0 +1,59 @@
+"""The inside: particles that fill the solid and lie in the sheets (Paper: Sec. 3.3)."""
+
+from __future__ import annotations
+
+from phys4dgen.interior import Interior, discover_interior, with_thickness
+from phys4dgen.progress import Progress
+from phys4dgen.scene import Scene
+from phys4dgen.stages.asset import Asset
+from phys4dgen.stages.views import rendered
+from phys4dgen.types import Continuum, MaterialBook, Parts
+
+__all__ = ["fill", "settled_thickness"]
+
+
+def fill(scene: Scene, asset: Asset, parts: Parts, progress: Progress) -> Interior:
+    """Find the inside and fill it with particles (Paper: Sec. 3.3)."""
+    wanted = scene.interior
+    spacing = 0.5 if isinstance(wanted.spacing, str) else wanted.spacing
+    views = rendered(asset, "carve", 640, progress)
+    interior = discover_interior(
+        asset.gaussians,
+        views,
+        parts,
+        frame=asset.frame,
+        cell=asset.cell,
+        spacing_cells=spacing,
+        label_grid=wanted.label_grid,
+        confidence=wanted.confidence,
+        max_cells_per_gaussian=wanted.max_particles_per_gaussian,
+        wall_m=_given_thickness(scene, parts),
+    )
+    found = interior.bridges
+    progress.note(
+        f"{len(interior.continuum)} particles in {interior.solid_voxels} solid voxels; "
+        f"{found.pieces_before} pieces, {found.pieces_after} after bridging ({found.bridge_voxels} bridge voxels)."
+    )
+    if found.share_in_largest < 0.995 or interior.loose_particles:
+        progress.warn(
+            f"The object falls into {found.pieces_after} pieces and the largest holds {found.share_in_largest:.1%} of "
+            f"it; small loose ones ({interior.loose_particles} particles) are not simulated but carried by what is "
+            "nearest."
+        )
+    return interior
+
+
+def settled_thickness(scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, book: MaterialBook) -> Continuum:
+    """The continuum with the thickness that the user gave, else measured, else the material's usual one."""
+    surfaces = {number: book.parts[name].surface for number, name in enumerate(parts.names)}
+    usual = {number: surface.thickness_m for number, surface in surfaces.items() if surface.thickness_m is not None}
+    return with_thickness(continuum, frame=asset.frame, given_m=_given_thickness(scene, parts), library_m=usual)
+
+
+def _given_thickness(scene: Scene, parts: Parts) -> dict[int, float]:
+    """Thickness that the user gave, by part number: of sheets and rods, and of the wall of a vessel."""
+    return {
+        parts.names.index(name): options.thickness_m
+        for name, options in scene.parts.items()
+        if options.thickness_m is not None
+    }

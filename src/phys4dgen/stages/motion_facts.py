@@ -1,0 +1,59 @@
+"""What the simulation decided and found, for the report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from phys4dgen.body import CappedPart, PartThickening
+from phys4dgen.mpm import Frame as SimulatedFrame
+
+__all__ = ["MotionFacts"]
+
+
+@dataclass
+class MotionFacts:
+    """Filled while the motion is prepared and simulated.
+
+    Attributes:
+        preset: sway or rest.
+        held: parts or region held, with the reason.
+        wind_up: direction of the gust, axes with z up.
+        gust_ms2, gust_s: its strength and length.
+        frequency_hz: lowest frequency that the probe saw.
+        damping_per_s: mass-proportional damping.
+        cell_m, cfl, substeps, dt_s: of the solver; substeps and dt per frame.
+        welded_share: share of thin surfaces that the grid cannot tell from their neighbours.
+        thickening: parts that were simulated thicker than they are.
+        capped: parts whose thick regions were simulated softer than they are.
+        part_mass_g: true mass of each part.
+        energy_kinetic_j, energy_elastic_j, momentum_kgms, max_speed_ms: per frame.
+    """
+
+    preset: str
+    held: str
+    wind_up: list[float] | None = None
+    gust_ms2: float = 0.0
+    gust_s: float = 0.0
+    frequency_hz: float | None = None
+    damping_per_s: float = 0.0
+    cell_m: float = 0.0
+    cfl: float = 0.0
+    welded_share: float = 0.0
+    thickening: list[PartThickening] = field(default_factory=list)
+    capped: list[CappedPart] = field(default_factory=list)
+    part_mass_g: dict[str, float] = field(default_factory=dict)
+    substeps: list[int] = field(default_factory=list)
+    dt_s: list[float] = field(default_factory=list)
+    max_speed_ms: list[float] = field(default_factory=list)
+    energy_kinetic_j: list[float] = field(default_factory=list)
+    energy_elastic_j: list[float] = field(default_factory=list)
+    momentum_kgms: list[list[float]] = field(default_factory=list)
+
+    def record(self, frame: SimulatedFrame) -> None:
+        """Note what one more frame took."""
+        self.substeps.append(frame.substeps)
+        self.dt_s.append(frame.dt_s)
+        self.max_speed_ms.append(frame.max_speed_ms)
+        self.energy_kinetic_j.append(frame.kinetic_energy_j)
+        self.energy_elastic_j.append(frame.elastic_energy_j)
+        self.momentum_kgms.append(frame.momentum_kgms.tolist())
