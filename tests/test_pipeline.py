@@ -6,7 +6,6 @@ import time
 import numpy as np
 import pytest
 
-from phys4dgen import pipeline
 from phys4dgen.export.trajectory import read_trajectory
 from phys4dgen.formats import load_gaussians, save_gaussians
 from phys4dgen.interior import discover_interior
@@ -16,6 +15,10 @@ from phys4dgen.render.rasterise import Rasteriser, packed_covariances
 from phys4dgen.render.views import render_views
 from phys4dgen.run.generate import generate
 from phys4dgen.scene import Scene, load_scene
+from phys4dgen.stages.asset import load
+from phys4dgen.stages.film import film
+from phys4dgen.stages.motion import Motion
+from phys4dgen.stages.motion_facts import MotionFacts
 from phys4dgen.types import Frame, Gaussians, Parts, rotation_to_z_up
 from phys4dgen.yaml12 import read_yaml
 from phys4dgen.zoo.flower_shapes import WALL_M
@@ -208,23 +211,23 @@ def test_a_run_that_was_interrupted_ends_with_the_same_arrays(run, scene, tmp_pa
 
 def test_a_frame_from_disk_looks_like_the_frame_in_memory(run, scene):
     """> 50 dB, in spite of scales and quaternions in place of covariances and of turned colours as coefficients."""
-    asset = pipeline.load(scene, SILENT)
+    asset = load(scene, SILENT)
     trajectory = read_trajectory(run.root / "trajectory.npz")
 
     def frames():
         yield from zip(trajectory.positions, trajectory.deformation_gradients, strict=True)
 
-    facts = pipeline.MotionFacts("sway", "pot, soil")
+    facts = MotionFacts("sway", "pot, soil")
     wanted = scene.with_overrides({"output.video.width": 200})
-    film = pipeline.film(wanted, asset, pipeline.Motion(trajectory.times_s, frames, facts), SILENT)
+    shot = film(wanted, asset, Motion(trajectory.times_s, frames, facts), SILENT)
     rasteriser = Rasteriser()
-    for frame in film.frames():
+    for frame in shot.frames():
         disk = load_gaussians(run.root / "frames" / f"frame_{frame.index:04d}.ply")
         picture = rasteriser.render(
             disk.means,
             packed_covariances(disk.covariances()),
             disk.opacities,
-            camera=film.cameras[frame.index],
+            camera=shot.cameras[frame.index],
             sh=disk.sh,
         )
         error = np.clip(picture.rgb, 0, 1) - frame.image / 255
