@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+
 import numpy as np
 import pytest
+from benchmarks.thin import ratio
 
 from mpm_bodies import body, lattice
 from phys4dgen.errors import SimulationError
-from phys4dgen.mpm import Acceleration, LawId, Settings, Simulator
+from phys4dgen.mpm import LawId, Settings, Simulator
 from reference.mpm_reference import kirchhoff_stress
 
 G = 9.81
@@ -133,47 +137,23 @@ def test_b4_free_bar_rings_at_its_axial_frequency(law):
     assert frequency_hz(np.array(length), period / 20) == pytest.approx(1 / period, rel=0.01)
 
 
-def clamped_sheet_frequency(*, t_dx, clamp_dx, thickened=1.0):
-    """First bending frequency of a clamped strip over theory, with the length from its last held node.
-
-    ``clamp_dx`` is how far inside the clamp that node lies, which also says where particles lie between nodes.
-    """
-    dx, E, rho = 1 / 640, 1e6, 1000.0
-    t, h, L, width = t_dx * dx, dx / 2, 14 * dx, 3 * dx
-    simulated = t * thickened
-    layers = np.array([-1, 1]) * simulated / (2 * 3**0.5)
-    axes = np.arange(0, L + 4 * dx, h) + h / 2, np.arange(0, width, h) + h / 2, layers
-    x = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    x = np.concatenate([x, [[-clamp_dx * dx, h / 2, -3.14 * dx]]])  # a crumb that sets where the grid's nodes lie
-    held = (x[:, 0] < 4 * dx) | (np.arange(len(x)) == len(x) - 1)
-    volume = np.full(len(x), h * h * simulated / 2)
-    volume[-1] *= 1e-3
-    length = L + clamp_dx * dx
-    f = 1.8751**2 / (2 * np.pi) * t / length**2 * np.sqrt(E / 12 / rho)
-    push = Acceleration((0, 0, 0.01 * L * (2 * np.pi * f) ** 2), 0, 0.25 / f)
-    material = {"E": E / thickened**3, "rho": rho / thickened}
-    settings = Settings(dx, 1 / (24 * f), accelerations=(push,), cfl=0.6)
-    simulator = Simulator(body(x, volume, nu=0.0, held=held, **material), settings)
-    tip = np.argsort(-x[:, 0])[:6]
-    heights = np.array([simulator.advance().positions_m[tip, 2].mean() for _ in range(66)])
-    assert np.abs(heights[6:]).max() < 0.1 * L
-    return frequency_hz(heights[6:], 1 / (24 * f)) / f
+@pytest.mark.parametrize("phase", list(itertools.product((0, 0.25), (0, 0.5))))
+@pytest.mark.parametrize("shape", ["sheet", "rod"])
+def test_thin_parts_bend_as_theory_says(shape, phase):
+    """t/dx = 0.2 as the product simulates it: one cell thick, with the mass and bending stiffness of the thin one."""
+    assert ratio(shape, t_dx=0.2, floor_cells=1.0, phase=phase, tilt_deg=0) == pytest.approx(1, abs=0.05)
 
 
-@pytest.mark.parametrize("clamp_dx", [0.0, 0.25, 0.5, 0.75])
-def test_thin_sheet_thickened_to_one_cell_bends_like_a_beam(clamp_dx):
-    """t/dx = 0.2, simulated as the product does: five times as thick, rho / 5, E / 125."""
-    assert clamped_sheet_frequency(t_dx=0.2, clamp_dx=clamp_dx, thickened=5.0) == pytest.approx(1, abs=0.05)
+def test_sheet_of_two_layers_bends_as_theory_says_where_its_particles_lie_on_nodes():
+    """t/dx = 0.2 as it is."""
+    assert ratio("sheet", t_dx=0.2, floor_cells=0, phase=(0.25, 0), tilt_deg=0) == pytest.approx(1, abs=0.05)
 
 
-@pytest.mark.parametrize("clamp_dx", [0.25, 0.75])
-def test_sheet_of_two_layers_bends_like_a_beam(clamp_dx):
-    """t/dx = 0.2 as it is, with particles on nodes and half way between them.
-
-    A quarter of a cell aside the same sheet is 1.56 times too fast (measured); at t/dx = 0.5 the places differ by 10 %,
-    at t/dx = 1 by 4 %. Thickening cures that as well.
-    """
-    assert clamped_sheet_frequency(t_dx=0.2, clamp_dx=clamp_dx) == pytest.approx(1.06, abs=0.05)
+def test_sheet_between_nodes_is_too_stiff_by_the_fault_of_the_linear_fit():
+    """By 1 + 12 (G / E) (2 m3)^2 (dx / t)^2, the spurious shear of the MLS gradient (benchmarks/thin.py)."""
+    m3 = 0.25 / 4 - 0.25**3
+    predicted = math.sqrt(1 + 12 * 0.5 * (2 * m3) ** 2 / 0.2**2)
+    assert ratio("sheet", t_dx=0.2, floor_cells=0, phase=(0, 0), tilt_deg=0) == pytest.approx(predicted, rel=0.06)
 
 
 def random_cube(cfl, E=1e6):

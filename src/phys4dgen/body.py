@@ -1,9 +1,13 @@
-"""From particles and materials to the body that the solver moves, with thin parts thickened to save time steps.
+"""From particles and materials to the body that the solver moves, with thin parts thickened.
 
 A sheet of thickness t may be simulated at ts > t with density rho t / ts and Young's modulus E (t / ts)^3, a rod of
 diameter d at ds with rho (d / ds)^2 and E (d / ds)^4: mass per area or length and bending stiffness are kept, while
-the wave speed, which limits the time step, falls with t / ts. In-plane stiffness falls too; it stays far above the
-bending stiffness and is not seen. (PHYSICS.md 1.11, MOTION.md: measured.)
+the wave speed, which limits the time step, falls with t / ts. In-plane stiffness falls too, with (t / ts)^2; it stays
+far above the bending stiffness and is not seen. (PHYSICS.md 1.11, MOTION.md: measured.)
+
+Thin parts are thickened for two reasons: to save time steps, and because a sheet or rod much thinner than a cell bends
+too stiffly in MLS-MPM (up to 2 times the frequency at t/dx = 0.2, by where it lies between nodes; one cell thick it is
+within 6 % everywhere: ``benchmarks/thin.py`` explains and measures it).
 """
 
 from __future__ import annotations
@@ -19,6 +23,14 @@ from phys4dgen.mpm import Body, LawId
 from phys4dgen.types import ROD, SHEET, SOLID, Continuum, Frame, MaterialBook, Parts
 
 __all__ = ["Assembly", "CappedPart", "PartThickening", "assemble_body"]
+
+SHEET_FLOOR_CELLS = 1.0
+ROD_FLOOR_CELLS = 1.0
+"""Thickness or diameter from which bending is right, and to which thin parts are thickened where stretch allows."""
+
+_LARGEST_STRETCH = 0.05
+_LARGEST_ACCELERATION_MS2 = 30.0
+"""A floor holds as long as this acceleration along the object's whole length stretches the part by no more."""
 
 _SHEET_LIMIT_CELLS = 1.0
 """Sheets are never thickened past one grid cell: their layers would part (0.58 of the thickness between them)."""
@@ -140,7 +152,8 @@ def assemble_body(
     # contract, and with nu they would bend and carry waves with the P-wave modulus instead.
     poisson[(continuum.shape == ROD) & ~held] = 0.0
 
-    ratio = _thickening(continuum, density, modulus, poisson, cell_m, max_wave_speed_ms)
+    extent_m = float(np.ptp(frame.to_metres(continuum.positions), axis=0).max())
+    ratio = _thickening(continuum, density, modulus, poisson, cell_m, max_wave_speed_ms, extent_m)
     ratio[held] = 1.0
     offset_m = continuum.offset_m * (ratio - 1)[:, None]
     sheet, rod = continuum.shape == SHEET, continuum.shape == ROD
@@ -148,7 +161,6 @@ def assemble_body(
     thin_modulus = modulus / np.where(sheet, ratio**3, np.where(rod, ratio**4, 1))
     volume = continuum.volume_m3 * np.where(sheet, ratio, np.where(rod, ratio**2, 1))
     free_solid = (continuum.shape == SOLID) & ~held
-    extent_m = float(np.ptp(frame.to_metres(continuum.positions), axis=0).max())
     thin_modulus, capped = _cap(
         continuum.part, parts.names, free_solid, ~held, thin_density * volume, thin_density, thin_modulus, poisson,
         max_wave_speed_ms, extent_m,
@@ -175,13 +187,18 @@ def _thickening(
     poisson: NDArray[np.float64],
     cell_m: float,
     max_wave_speed_ms: float,
+    extent_m: float,
 ) -> NDArray[np.float64]:
     """Simulated over true thickness of each particle, at least 1."""
-    wanted = np.sqrt(_p_wave_modulus(modulus, poisson) / density) / max_wave_speed_ms
-    limit_cells = np.where(continuum.shape == ROD, _ROD_LIMIT_CELLS, _SHEET_LIMIT_CELLS)
-    thin = continuum.shape != SOLID
-    limit = np.where(thin, limit_cells * cell_m / np.where(thin, continuum.thickness_m, math.inf), 1.0)
-    return np.maximum(np.minimum(wanted, limit), 1.0)
+    thin, rod = continuum.shape != SOLID, continuum.shape == ROD
+    cells = np.where(thin, cell_m / np.where(thin, continuum.thickness_m, math.inf), 0.0)
+    for_speed = np.sqrt(_p_wave_modulus(modulus, poisson) / density) / max_wave_speed_ms
+    stretch = density * _LARGEST_ACCELERATION_MS2 * extent_m / modulus  # grows with the square of the thickening
+    for_bending = np.minimum(
+        cells * np.where(rod, ROD_FLOOR_CELLS, SHEET_FLOOR_CELLS), np.sqrt(_LARGEST_STRETCH / stretch)
+    )
+    limit = cells * np.where(rod, _ROD_LIMIT_CELLS, _SHEET_LIMIT_CELLS)
+    return np.maximum(np.minimum(np.maximum(for_speed, for_bending), limit), 1.0)
 
 
 def _p_wave_modulus(modulus: NDArray[np.float64] | float, poisson: NDArray[np.float64]) -> NDArray[np.float64]:
