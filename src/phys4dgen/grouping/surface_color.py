@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.types import Camera, Gaussians, Views
+from phys4dgen.grouping.visibility import for_all_chunks, visible_pixels
+from phys4dgen.types import Gaussians, Views
 
-__all__ = ["MIN_OPACITY", "SurfaceColor", "surface_color", "visible_pixels"]
+__all__ = ["MIN_OPACITY", "SurfaceColor", "surface_color"]
 
 MIN_OPACITY = 0.05
 """A Gaussian fainter than this is never taken for the visible surface."""
@@ -37,34 +38,6 @@ class SurfaceColor:
     eyes: NDArray[np.float64]
 
 
-def visible_pixels(
-    means: NDArray[np.float32],
-    camera: Camera,
-    alpha: NDArray[np.float32],
-    *,
-    depth: NDArray[np.float32],
-    tolerance: float,
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-    """Which Gaussians are the visible surface of a view, and at which pixel.
-
-    Args:
-        means: centres, shape [N, 3].
-        camera: the view's camera.
-        alpha: accumulated opacity of the view, shape [H, W].
-        depth: median depth of the view, shape [H, W].
-        tolerance: largest difference from the rendered depth, input units.
-
-    Returns:
-        Index of the Gaussian, row and column, each of shape [M].
-    """
-    pixels, z = camera.project(means)
-    inside = (z > 0) & (pixels >= 0).all(1) & (pixels[:, 0] < camera.width) & (pixels[:, 1] < camera.height)
-    index = np.flatnonzero(inside)
-    column, row = pixels[index].astype(np.intp).T
-    surface = (alpha[row, column] > _MIN_ALPHA) & (np.abs(depth[row, column] - z[index]) < tolerance)
-    return index[surface], row[surface], column[surface]
-
-
 def surface_color(
     gaussians: Gaussians, views: Views, *, tolerance: float, background: tuple[float, float, float] = (1.0, 1.0, 1.0)
 ) -> SurfaceColor:
@@ -78,14 +51,25 @@ def surface_color(
     """
     candidates = np.flatnonzero(gaussians.opacities > MIN_OPACITY)
     means = gaussians.means[candidates]
-    color_sum = np.zeros((len(gaussians), 3))
-    seen = np.zeros((len(gaussians), len(views)), np.bool_)
-    for v, camera in enumerate(views.cameras):
-        index, row, column = visible_pixels(means, camera, views.alpha[v], depth=views.depth[v], tolerance=tolerance)
-        index = candidates[index]
-        opacity = views.alpha[v, row, column].astype(np.float64)[:, None]
-        color_sum[index] += (views.rgb[v, row, column] - (1 - opacity) * np.asarray(background)) / opacity
-        seen[index, v] = True
-    count = np.maximum(seen.sum(1), 1)[:, None]
+    behind = np.asarray(background, np.float32)
+    pictures = [
+        (view - (1 - alpha[..., None]) * behind) / np.maximum(alpha[..., None], _MIN_ALPHA)
+        for view, alpha in zip(views.rgb, views.alpha, strict=True)
+    ]
+    opaque_depth = np.where(views.alpha > _MIN_ALPHA, views.depth, 0)
+    color_sum = np.zeros((len(means), 3))
+    seen = np.zeros((len(means), len(views)), np.bool_)
+
+    def look(rows: slice) -> None:
+        for v, camera in enumerate(views.cameras):
+            index, row, column, _ = visible_pixels(means[rows], camera, opaque_depth[v], tolerance=tolerance)
+            color_sum[rows][index] += pictures[v][row, column]
+            seen[rows][index, v] = True
+
+    for_all_chunks(len(means), look)
+    rgb = np.zeros((len(gaussians), 3))
+    rgb[candidates] = np.clip(color_sum / np.maximum(seen.sum(1), 1)[:, None], 0, 1)
+    seen_by = np.zeros((len(gaussians), len(views)), np.bool_)
+    seen_by[candidates] = seen
     eyes = np.stack([camera.position for camera in views.cameras])
-    return SurfaceColor(rgb=np.clip(color_sum / count, 0, 1), seen=seen, eyes=eyes)
+    return SurfaceColor(rgb=rgb, seen=seen_by, eyes=eyes)
