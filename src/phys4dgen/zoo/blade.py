@@ -219,12 +219,21 @@ class Blade:
         x = v * self.half_width(u)
         return KDTree(self.mid_surface(u, x)), u, x
 
+    @property
+    def lower(self) -> Array:
+        """Corner of a box around the sheet, shape [3]."""
+        return self._start[0].mins - self.thickness_m - 0.002
+
+    @property
+    def upper(self) -> Array:
+        """The opposite corner, shape [3]."""
+        return self._start[0].maxes + self.thickness_m + 0.002
+
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """Whether each point [N, 3] lies inside the sheet: projected onto the mid-surface by Gauss-Newton steps."""
         tree, u0, x0 = self._start
         found = np.zeros(len(points), bool)
-        margin = self.thickness_m + 0.002
-        near = np.flatnonzero(((points > tree.mins - margin) & (points < tree.maxes + margin)).all(1))
+        near = np.flatnonzero(((points > self.lower) & (points < self.upper)).all(1))
         distance, node = tree.query(points[near], distance_upper_bound=0.0035 + self.thickness_m)
         reached = np.isfinite(distance)
         near, node = near[reached], np.asarray(node)[reached]

@@ -22,6 +22,7 @@ __all__ = [
     "HEART",
     "HEART_RADIUS_M",
     "LEAVES",
+    "MATERIALS",
     "PART_NAMES",
     "PETALS",
     "POT",
@@ -34,6 +35,7 @@ __all__ = [
 
 PART_NAMES = ("pot", "soil", "stem", "leaves", "petals", "heart")
 POT, SOIL, STEM, LEAVES, PETALS, HEART = range(6)
+MATERIALS = ("ceramic", "garden_soil", "herbaceous_stem", "leaf_blade", "petal", "herbaceous_stem")
 
 WALL_M = 0.007
 SOIL_HEIGHT_M = 0.0935
@@ -283,13 +285,16 @@ class FlowerShapes:
         for rod in self.rods:
             keep = self.is_bare(rod, rod.centre)
             bare.append(Tube(rod.centre[keep], rod.radius_m[keep]))
+        pot, soil, stem, leaf, petal, heart = MATERIALS
         return {
-            "pot": PartTruth(self.pot.volume_m3, thickness_m=WALL_M),
-            "soil": PartTruth(self._soil_volume()),
-            "stem": PartTruth(sum(rod.volume_m3 for rod in bare), sum(rod.area_m2 for rod in bare), 2 * STEM_RADIUS_M),
-            "leaves": _sheets_truth(self.leaves),
-            "petals": _sheets_truth(self.petals),
-            "heart": PartTruth(self.heart.volume_m3),
+            "pot": PartTruth(pot, self.pot.volume_m3, thickness_m=WALL_M),
+            "soil": PartTruth(soil, self._soil_volume()),
+            "stem": PartTruth(
+                stem, sum(rod.volume_m3 for rod in bare), sum(rod.area_m2 for rod in bare), 2 * STEM_RADIUS_M
+            ),
+            "leaves": _sheets_truth(leaf, self.leaves),
+            "petals": _sheets_truth(petal, self.petals),
+            "heart": PartTruth(heart, self.heart.volume_m3),
         }
 
     def _soil_volume(self) -> float:
@@ -303,9 +308,12 @@ class FlowerShapes:
         return float((depth * r).sum() * (reach / n_r) * (2 * np.pi / n_turn))
 
 
-def _sheets_truth(blades: list[Blade]) -> PartTruth:
+def _sheets_truth(material: str, blades: list[Blade]) -> PartTruth:
     return PartTruth(
-        sum(blade.volume_m3 for blade in blades), sum(blade.area_m2 for blade in blades), blades[0].thickness_m
+        material,
+        sum(blade.volume_m3 for blade in blades),
+        sum(blade.area_m2 for blade in blades),
+        blades[0].thickness_m,
     )
 
 

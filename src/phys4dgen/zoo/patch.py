@@ -38,6 +38,11 @@ class Patch:
         """The samples that a mask [N] selects."""
         return Patch(*(getattr(self, name)[keep] for name in FIELDS))
 
+    def moved(self, origin: Array, rotation: Array) -> Patch:
+        """The samples turned about the origin, then moved to ``origin``; columns of ``rotation`` are the new axes."""
+        turn = rotation.T
+        return Patch(self.points @ turn + origin, self.normals @ turn, self.tangents @ turn, self.sigmas, self.coords)
+
 
 FIELDS = ("points", "normals", "tangents", "sigmas", "coords")
 

@@ -11,21 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from phys4dgen.zoo.lights import Light
 from phys4dgen.zoo.patch import Array
 
 Array32 = NDArray[np.float32]
 
 __all__ = ["bake_irradiance", "gloss_sh1", "linear_to_srgb", "srgb_to_linear"]
-
-KEY_DIRECTION = np.array([-0.55, 0.75, 0.62]) / np.linalg.norm([-0.55, 0.75, 0.62])
-KEY_COLOR = np.array([1.0, 0.95, 0.86])
-KEY_STRENGTH = 1.25
-ZENITH_COLOR = np.array([0.90, 0.96, 1.06])
-HORIZON_COLOR = np.array([1.00, 0.98, 0.95])
-SKY_STRENGTH = 0.68
-BOUNCE_COLOR = np.array([0.40, 0.37, 0.34])
-MAP_PIXEL_M = 0.0024
-"""Pixel of the depth maps: wider than the widest spacing of the Gaussians, so that surfaces are closed in them."""
 
 
 def srgb_to_linear(color: NDArray[np.floating]) -> Array:
@@ -42,28 +33,32 @@ def linear_to_srgb(light: NDArray[np.floating]) -> Array:
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
-def bake_irradiance(points: Array, normals: Array, *, transmission: Array) -> Array:
+def bake_irradiance(points: Array, normals: Array, *, transmission: Array, light: Light, pixel_m: float) -> Array:
     """Irradiance / pi of every sample in linear light, shape [N, 3]; y is up and the ground is y = 0.
 
     Args:
         points: metres, shape [N, 3].
         normals: unit, shape [N, 3].
         transmission: share of the light on the far side that shines through (leaves, petals), shape [N].
+        light: key light, sky and ground.
+        pixel_m: pixel of the depth maps; wider than the spacing of the samples, so that surfaces are closed in them.
     """
     place, facing = points.astype(np.float32), normals.astype(np.float32)
     through = transmission.astype(np.float32)
     sky = _fibonacci_sphere(64)
     rise = sky[:, 1:2]
-    radiance = SKY_STRENGTH * (HORIZON_COLOR + (ZENITH_COLOR - HORIZON_COLOR) * np.clip(rise, 0, 1))
+    radiance = light.horizon_color + (light.zenith_color - light.horizon_color) * np.clip(rise, 0, 1)
     radiance = radiance * (0.75 + 0.45 * np.clip(rise, 0, 1)) * 4 / len(sky)
     ground = rise[:, 0] < 0
-    radiance[ground] = BOUNCE_COLOR * 4 / len(sky)
-    key = _cone(KEY_DIRECTION, half_angle_deg=9.0, count=10)
-    key_radiance = np.tile(KEY_STRENGTH * KEY_COLOR / len(key), (len(key), 1))
+    radiance[ground] = light.bounce_color * 4 / len(sky)
+    key = _cone(light.key_direction, half_angle_deg=9.0, count=10)
+    key_radiance = np.tile(light.key_color / len(key), (len(key), 1))
 
-    open_ground = 1 - 0.85 * np.exp(-np.maximum(place[:, 1], 0) / 0.03)  # the object shades the ground beside it
+    open_ground = 1 - 0.85 * np.exp(
+        -np.maximum(place[:, 1], 0) / (12.5 * pixel_m)
+    )  # the object shades the ground beside it
     result = np.zeros((len(points), 3), np.float32)
-    for direction, light, from_ground in zip(
+    for direction, color, from_ground in zip(
         np.vstack([sky, key]).astype(np.float32),
         np.vstack([radiance, key_radiance]).astype(np.float32),
         np.concatenate([ground, np.zeros(len(key), bool)]),
@@ -71,45 +66,46 @@ def bake_irradiance(points: Array, normals: Array, *, transmission: Array) -> Ar
     ):
         cosine = facing @ direction
         received = np.maximum(cosine, 0) + through * np.maximum(-cosine, 0)
-        received *= _lit(place, direction, cosine)
+        received *= _lit(place, direction, cosine, pixel_m)
         if from_ground:
             received *= open_ground
-        result += received[:, None] * light
+        result += received[:, None] * color
     # Neighbours that face the same way share their light: removes the grain of the depth maps.
-    outside = points + 0.006 * normals
+    outside = points + 2.5 * pixel_m * normals
     _, neighbours = KDTree(outside, balanced_tree=False, compact_nodes=False).query(outside, k=12)
     return result[neighbours].mean(1, dtype=np.float64)
 
 
-def gloss_sh1(normals: Array, strength: Array) -> Array:
+def gloss_sh1(normals: Array, strength: Array, key_direction: Array) -> Array:
     """Degree-1 spherical harmonics that brighten a surface towards the mirror image of the key light.
 
     Args:
         normals: unit, shape [N, 3].
         strength: change of sRGB colour when looking straight along the mirror direction, shape [N].
+        key_direction: unit vector towards the key light, shape [3].
 
     Returns:
         Coefficients of one channel (the same for all three), shape [N, 3], in the order y, z, x of 3DGS.
     """
-    facing = normals @ KEY_DIRECTION
-    mirror = 2 * facing[:, None] * normals - KEY_DIRECTION
+    facing = normals @ key_direction
+    mirror = 2 * facing[:, None] * normals - key_direction
     # 3DGS evaluates SH along camera -> Gaussian: the camera that sees the highlight looks along -mirror.
     gradient = -mirror * (strength * np.clip(facing, 0, 1))[:, None]
     return gradient[:, [1, 2, 0]] * np.array([-1.0, 1.0, -1.0]) / 0.4886025119029199
 
 
-def _lit(points: Array32, direction: Array32, cosine: Array32) -> Array32:
+def _lit(points: Array32, direction: Array32, cosine: Array32, pixel_m: float) -> Array32:
     """1 where nothing lies between the sample and the light, 0 in shadow; shape [N]."""
     side = np.cross(direction, [0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
-    axes = np.stack([side / MAP_PIXEL_M, np.cross(direction, side) / MAP_PIXEL_M, -direction], 1)
+    axes = np.stack([side / pixel_m, np.cross(direction, side) / pixel_m, -direction], 1)
     column, row, depth = (points @ axes.astype(np.float32)).T
     column, row = (column - column.min()).astype(np.int32), (row - row.min()).astype(np.int32)
     index = column * (row.max() + 1) + row
     nearest = np.full(int(index.max()) + 1, np.inf, np.float32)
     np.minimum.at(nearest, index, depth)
     slope = np.sqrt(np.maximum(1 - cosine * cosine, 0)) / np.maximum(np.abs(cosine), 0.25)
-    return (depth < nearest[index] + 0.003 + MAP_PIXEL_M * slope).astype(np.float32)
+    return (depth < nearest[index] + pixel_m * (1.25 + slope)).astype(np.float32)
 
 
 def _fibonacci_sphere(count: int) -> Array:

@@ -100,6 +100,16 @@ class Tube:
     def _tree(self) -> KDTree:
         return KDTree(self.centre)
 
+    @property
+    def lower(self) -> Array:
+        """Corner of a box around the rod, shape [3]."""
+        return (self.centre - self.radius_m[:, None]).min(0)
+
+    @property
+    def upper(self) -> Array:
+        """The opposite corner, shape [3]."""
+        return (self.centre + self.radius_m[:, None]).max(0)
+
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """Whether each point [N, 3] lies inside the rod."""
         found = np.zeros(len(points), bool)
@@ -144,14 +154,16 @@ class Revolved:
         r_next, y_next = np.roll(r, -1), np.roll(y, -1)
         return float(np.pi / 3 * ((r * r + r * r_next + r_next * r_next) * (y_next - y)).sum())
 
-    def sample(self, line: Array, spacing_m: float, rng: np.random.Generator) -> Patch:
-        """Samples along ``line``, a part of the outline; ``coords`` = (arc length along it in metres, angle).
+    def sample(self, spacing_m: float, rng: np.random.Generator, *, line: Array | None = None) -> Patch:
+        """Samples of the surface; ``coords`` = (arc length along the outline in metres, angle).
 
         Args:
-            line: points (radius, height) in the order of ``profile``, so that the normals point outwards, [K, 2].
             spacing_m: distance between neighbours.
             rng: for the jitter that hides the rows.
+            line: the part of the outline that can be seen, points (radius, height) in the order of ``profile``, so
+                that the normals point outwards, shape [K, 2]; all of it if not given.
         """
+        line = self.profile if line is None else line
         arc_nodes = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
         rows = max(1, round(arc_nodes[-1] / spacing_m))
         arc_row = (np.arange(rows) + 0.5) / rows * arc_nodes[-1]
@@ -182,14 +194,26 @@ class Revolved:
             ],
             1,
         )
-        turn = self.rotation.T
-        return Patch(
-            points @ turn + self.origin,
-            normal @ turn,
-            along @ turn,
-            sigmas,
-            np.stack([arc, angle, np.ones_like(arc)], 1),
-        )
+        local = Patch(points, normal, along, sigmas, np.stack([arc, angle, np.ones_like(arc)], 1))
+        return local.moved(self.origin, self.rotation)
+
+    @cached_property
+    def _box(self) -> tuple[Array, Array]:
+        """Two opposite corners of a box around the solid, each of shape [3]."""
+        reach, low, high = self.profile[:, 0].max(), self.profile[:, 1].min(), self.profile[:, 1].max()
+        middle = self.origin + self.rotation @ np.array([0.0, (low + high) / 2, 0.0])
+        half = np.abs(self.rotation) @ np.array([reach, (high - low) / 2, reach])
+        return middle - half, middle + half
+
+    @property
+    def lower(self) -> Array:
+        """Corner of a box around the solid, shape [3]."""
+        return self._box[0]
+
+    @property
+    def upper(self) -> Array:
+        """The opposite corner, shape [3]."""
+        return self._box[1]
 
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """Whether each point [N, 3] lies inside the solid (even-odd rule on the outline)."""

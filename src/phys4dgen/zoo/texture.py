@@ -35,17 +35,19 @@ def mix(first: Array, second: Array, share: NDArray[np.floating]) -> Array:
 def value_noise(points: Array, wavelength: float, *, seed: int) -> Array:
     """Smooth noise in [-1, 1] with one random value per cell corner; points [N, D], result [N]."""
     q = points / wavelength
-    base = np.floor(q).astype(np.int64)
+    base = np.floor(q)
     t = q - base
     t = t * t * (3 - 2 * t)
-    total = np.zeros(len(points))
     dims = points.shape[1]
+    primes = np.array([0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D], np.uint64)[:dims]
+    keys = (base.astype(np.int64).astype(np.uint64) * primes).sum(1, dtype=np.uint64)
+    total = np.zeros(len(points))
     for corner in range(2**dims):
         bits = [(corner >> d) & 1 for d in range(dims)]
         weight = np.ones(len(points))
         for d, bit in enumerate(bits):
             weight *= t[:, d] if bit else 1 - t[:, d]
-        total += weight * _hashed(base + np.array(bits), seed)
+        total += weight * _hashed(keys + (np.array(bits, np.uint64) * primes).sum(dtype=np.uint64), seed)
     return total
 
 
@@ -155,10 +157,9 @@ def heart(local: Array, *, radius_m: float, seed: int) -> Array:
     return color * (1.16 - 0.75 * np.clip(near, 0, 1) ** 1.5 + 0.06 * value_noise(local, 0.0015, seed=seed))[:, None]
 
 
-def _hashed(cell: NDArray[np.int64], seed: int) -> Array:
-    """A fixed pseudo-random value in [-1, 1] per lattice cell (integer mixing), shape [N]."""
-    primes = np.array([0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D], np.uint64)[: cell.shape[1]]
-    h = (cell.astype(np.uint64) * primes).sum(1, dtype=np.uint64) + np.uint64(seed % 2**32) * np.uint64(0x27D4EB2F)
+def _hashed(keys: NDArray[np.uint64], seed: int) -> Array:
+    """A fixed pseudo-random value in [-1, 1] per key (integer mixing), shape [N]."""
+    h = keys + np.uint64(seed % 2**32) * np.uint64(0x27D4EB2F)
     h ^= h >> np.uint64(15)
     h *= np.uint64(0x2C1B3C6D)
     h ^= h >> np.uint64(12)
