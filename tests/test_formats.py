@@ -338,8 +338,3 @@ def test_real_captures_survive_conversion(tmp_path, shared_data, name, count):
     new = np.frombuffer((tmp_path / "a.splat").read_bytes(), np.uint8).reshape(-1, 32)
     assert (old[:, :12] == new[:, :12]).all()  # positions, bit for bit
     assert (old[:, 24:28] == new[:, 24:28]).all()  # colours and opacities
-
-
-def test_real_compressed_ply_is_refused_by_name(shared_data):
-    with pytest.raises(FormatError, match=r"compressed PLY comes in a later version"):
-        load_gaussians(shared_data / "splats" / "guitar.compressed.ply")

@@ -16,12 +16,13 @@ from phys4dgen.errors import RunError, SceneError
 from phys4dgen.formats import save_gaussians
 from phys4dgen.progress import SILENT
 from phys4dgen.run.artefacts import write_part_maps, write_views
-from phys4dgen.run.folder import RunFolder, finished_stages
+from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.json_text import json_text
 from phys4dgen.run.prediction import predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import Report, part_reports
-from phys4dgen.run.stages import STAGES, stage_digests, stages_until
+from phys4dgen.run.stages import STAGES, Needs, scene_settings, stage_named, stages_until
+from phys4dgen.run.state import StageRecord, finished_stages
 from phys4dgen.scene import Scene
 from phys4dgen.types import (
     SHEET,
@@ -44,56 +45,75 @@ def scene(tmp_path):
     return Scene(input=tmp_path / "a.splat")
 
 
-def digests(scene):
-    return stage_digests(scene, version="1")
+def record_of(scene, stage, **products):
+    """A record of a finished stage that took nothing but its settings."""
+    needs = Needs.of(stage, scene_settings(scene), dict.fromkeys(stage.takes, "as before"))
+    return StageRecord(needs, products)
 
 
-def test_a_finished_stage_is_kept_by_the_same_settings_and_lost_by_others(tmp_path, scene):
+def finish(run, scene, *names):
+    for name in names:
+        run.finish(
+            stage_named(name),
+            record_of(scene, stage_named(name), **dict.fromkeys(stage_named(name).makes, "as before")),
+        )
+
+
+def test_a_run_of_other_settings_is_refused_or_loses_what_depends_on_them(tmp_path, scene):
     root = tmp_path / "run"
-    with RunFolder(root).claim(digests(scene)) as run:
+    with RunFolder(root).claim() as run:
         run.write_npz(run.groups_npz, {"labels": np.zeros(3, np.int32)})
-        run.finish("views")
-        run.finish("grouping")
-    with RunFolder(root).claim(digests(scene)) as run:
-        assert run.is_finished("grouping")
-        assert not run.is_finished("interior")
-    assert finished_stages(root) == ["views", "grouping"]
+        run.write_text(run.materials_yaml, "parts: {}")
+        run.write_text(run.gaussians_ply, "ply")
+        finish(run, scene, "views", "grouping", "interior", "materials")
+    assert finished_stages(root) == ["views", "grouping", "interior", "materials"]
 
-    other = scene.with_overrides({"grouping.parts": 3})
-    with pytest.raises(RunError, match=r"'grouping'.*--overwrite"):
-        RunFolder(root).claim(digests(other))
-    assert (root / "groups.npz").exists()
-    with RunFolder(root).claim(digests(other), overwrite=True) as run:
-        assert run.is_finished("views")
-        assert not run.is_finished("grouping")
+    settings = scene_settings(scene.with_overrides({"grouping.parts": 3}))
+    with RunFolder(root).claim() as run:
+        run.refuse_other_settings(scene_settings(scene))
+        with pytest.raises(RunError, match=r"'grouping' \(grouping.parts is 3 and was auto\).*--overwrite.*simulate"):
+            run.refuse_other_settings(settings)
+        assert run.groups_npz.exists()
+        run.remove_outdated(settings)
         assert not run.groups_npz.exists()
+        assert run.gaussians_ply.exists()
+        assert run.materials_yaml.exists()  # it may hold what a person wrote
+    assert finished_stages(root) == ["views"]
 
 
-def test_a_run_that_finished_nothing_does_not_stand_in_the_way(tmp_path, scene):
-    root = tmp_path / "run"
-    RunFolder(root).claim(digests(scene)).release()
-    RunFolder(root).claim(digests(scene.with_overrides({"up": "-y"}))).release()
+def test_settings_that_no_finished_stage_reads_are_no_reason_to_refuse(tmp_path, scene):
+    with RunFolder(tmp_path / "run").claim() as run:
+        finish(run, scene, "views", "grouping")
+        run.refuse_other_settings(
+            scene_settings(scene.with_overrides({"simulation.cfl": 0.3, "output.frames": "none"}))
+        )
 
 
 def test_overwrite_leaves_files_alone_that_are_not_ours(tmp_path, scene):
-    root = tmp_path / "run"
-    RunFolder(root).claim(digests(scene)).release()
-    (root / "notes.txt").write_text("mine")
-    (root / "frames").mkdir()
-    (root / "frames" / "frame_0000.ply").write_text("old")
-    changed = scene.with_overrides({"seed": 5})
-    RunFolder(root).claim(digests(changed), overwrite=True).release()
-    assert (root / "notes.txt").read_text() == "mine"
-    assert not (root / "frames" / "frame_0000.ply").exists()
+    with RunFolder(tmp_path / "run").claim() as run:
+        finish(run, scene, "views", "render")
+        (run.root / "notes.txt").write_text("mine")
+        run.frames.mkdir()
+        (run.frames / "frame_0000.ply").write_text("old")
+        run.remove_outdated(scene_settings(scene.with_overrides({"up": "-y"})))
+        assert (run.root / "notes.txt").read_text() == "mine"
+        assert not (run.frames / "frame_0000.ply").exists()
 
 
-@pytest.mark.parametrize("overwrite", [False, True])
-def test_a_folder_of_other_files_is_refused(tmp_path, scene, overwrite):
+def test_a_stage_whose_products_were_made_again_otherwise_is_not_finished(tmp_path, scene):
+    with RunFolder(tmp_path / "run").claim() as run:
+        finish(run, scene, "views", "grouping", "interior")
+        stage = stage_named("grouping")
+        run.finish(stage, record_of(scene, stage, parts="others"))
+    assert finished_stages(run.root) == ["views", "grouping"]
+
+
+def test_a_folder_of_other_files_is_refused(tmp_path, scene):
     with pytest.raises(RunError, match=r"a\.splat.*choose another place"):
-        RunFolder(tmp_path).claim(digests(scene), overwrite=overwrite)
+        RunFolder(tmp_path).claim()
     assert (tmp_path / "a.splat").exists()
     with pytest.raises(RunError, match="got a file"):
-        RunFolder(tmp_path / "a.splat").claim(digests(scene), overwrite=overwrite)
+        RunFolder(tmp_path / "a.splat").claim()
 
 
 def test_a_second_process_is_refused_and_a_dead_one_forgotten(tmp_path, scene):
@@ -108,14 +128,14 @@ def test_a_second_process_is_refused_and_a_dead_one_forgotten(tmp_path, scene):
             assert process.stdout is not None
             assert process.stdout.readline() == "held\n"
             with pytest.raises(RunError, match=f"process {process.pid}"):
-                RunFolder(root).claim(digests(scene))
+                RunFolder(root).claim()
         finally:
             process.kill()
-    RunFolder(root).claim(digests(scene)).release()
+    RunFolder(root).claim().release()
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path, scene):
-    with RunFolder(tmp_path / "run").claim(digests(scene)) as run:
+    with RunFolder(tmp_path / "run").claim() as run:
         run.write_json(run.report_json, {"a": 1})
         with pytest.raises(TypeError):
             run.write_json(run.report_json, {"a": object()})
@@ -125,30 +145,30 @@ def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path, scene):
 
 def test_leftovers_of_a_killed_run_are_removed(tmp_path, scene):
     root = tmp_path / "run"
-    RunFolder(root).claim(digests(scene)).release()
+    RunFolder(root).claim().release()
     leftover = root / ".video.partial-123.mp4"
     leftover.write_text("half a film")
-    RunFolder(root).claim(digests(scene)).release()
+    RunFolder(root).claim().release()
     assert not leftover.exists()
 
 
 def test_a_damaged_state_is_one_sentence(tmp_path, scene):
     root = tmp_path / "run"
-    RunFolder(root).claim(digests(scene)).release()
+    RunFolder(root).claim().release()
     (root / ".state.json").write_text("{")
     with pytest.raises(RunError, match="damaged"):
-        RunFolder(root).claim(digests(scene), overwrite=True)
+        RunFolder(root).claim()
 
 
 def test_space_is_asked_for_before_the_work(tmp_path, scene):
-    with RunFolder(tmp_path / "run").claim(digests(scene)) as run:
+    with RunFolder(tmp_path / "run").claim() as run:
         run.require_space(1000)
         with pytest.raises(RunError, match=r"output\.frames none"):
             run.require_space(10**18)
 
 
 def test_the_log_is_json_lines(tmp_path, scene):
-    with RunFolder(tmp_path / "run").claim(digests(scene)) as run:
+    with RunFolder(tmp_path / "run").claim() as run:
         logger = logging.getLogger("phys4dgen.test")
         logger.setLevel(logging.INFO)
         logger.info("50 %% of %s", "it")
@@ -157,33 +177,54 @@ def test_the_log_is_json_lines(tmp_path, scene):
     assert entries[-1]["level"] == "info"
 
 
-def test_each_setting_reaches_the_digest_of_its_stage(scene):
-    """A key of the scene that no stage listens to would let a changed scene reuse old results."""
-    changes = {
-        "up": "+y", "height_m": 1.0, "longest_m": 2.0, "seed": 1, "gravity": None, "parts.a.hold": "fixed",
-        "views.size_px": 128, "grouping.parts": 2, "interior.label_grid": 16, "materials.backend": "default",
-        "motion.duration_s": 0.5, "forces": [{"value_ms2": [1, 0, 0], "to_s": 1}], "simulation.cfl": 0.3,
-        "output.frames": "none",
-    }  # fmt: skip
-    assert {key.split(".")[0] for key in changes} == set(Scene.model_fields) - {"input"}
-    before = digests(scene)
-    for key, value in changes.items():
-        if value is not None:
-            assert digests(scene.with_overrides({key: value})) != before, key
-    assert digests(scene.with_overrides({"simulation.threads": 2})) == before
+def readers_of(key):
+    """Stages that are made again when a key of the scene changes."""
+    return [stage.name for stage in STAGES if key in Needs.of(stage, {key: 1}, dict.fromkeys(stage.takes, "")).settings]
 
 
-def test_the_content_of_the_input_counts_not_its_name(tmp_path, scene):
-    before = digests(scene)
-    (tmp_path / "b.splat").write_bytes(scene.input.read_bytes())
-    assert digests(scene.with_overrides({"input": str(tmp_path / "b.splat")})) == before
-    scene.input.write_bytes(bytes(64))
-    assert digests(scene)[STAGES[0].name] != before[STAGES[0].name]
+@pytest.mark.parametrize(
+    ("key", "stages"),
+    [
+        ("input", [stage.name for stage in STAGES]),
+        ("views.size_px", ["views"]),
+        ("grouping.parts", ["grouping"]),
+        ("interior.confidence", ["interior"]),
+        ("simulation.grid", ["interior", "simulate"]),
+        ("simulation.fps", ["simulate", "render"]),
+        ("simulation.threads", []),
+        ("parts.pot.hold", ["simulate"]),
+        ("parts.pot.material", ["materials"]),
+        ("parts.pot.thickness_m", ["interior", "materials", "simulate"]),
+        ("materials.file", ["materials"]),
+        ("forces", ["simulate"]),
+        ("output.video.width", ["render"]),
+        ("a_new_section.key", [stage.name for stage in STAGES]),
+    ],
+)
+def test_each_setting_reaches_the_stages_that_read_it(key, stages):
+    assert readers_of(key) == stages
 
 
-def test_a_missing_input_is_one_sentence(tmp_path):
-    with pytest.raises(RunError, match=r"none\.splat: cannot read"):
-        digests(Scene(input=tmp_path / "none.splat"))
+def test_every_key_of_the_scene_is_read_by_a_stage(scene):
+    unread = [key for key in scene_settings(scene) if not readers_of(key)]
+    assert unread == ["simulation.threads"]
+
+
+def test_every_product_is_made_before_it_is_taken():
+    made = set()
+    for stage in STAGES:
+        assert set(stage.takes) <= made
+        made |= set(stage.makes)
+
+
+def test_files_count_by_content_not_by_name(tmp_path, scene):
+    before = scene_settings(scene)
+    (tmp_path / "b.splat").write_bytes(bytes(32))
+    assert scene_settings(scene.with_overrides({"input": str(tmp_path / "b.splat")})) == before
+    (tmp_path / "a.splat").write_bytes(bytes(31) + b"1")
+    assert scene_settings(scene) != before
+    with pytest.raises(RunError, match=r"none\.splat"):
+        scene_settings(Scene(input=tmp_path / "none.splat"))
 
 
 def test_until_names_a_stage():
@@ -210,7 +251,7 @@ def test_views_and_part_maps_read_back_from_pictures(tmp_path, scene):
         depth=rng.uniform(0, 3, (2, 4, 6)),
     )
     labels = rng.integers(-1, 4, (2, 4, 6))
-    with RunFolder(tmp_path / "run").claim(digests(scene)) as run:
+    with RunFolder(tmp_path / "run").claim() as run:
         write_views(run, views, frame=Frame(rotation=np.eye(3), metres_per_unit=0.5))
         write_part_maps(run, Masks(labels=labels))
     facts = json.loads(run.cameras_json.read_text())

@@ -1,7 +1,8 @@
 """From a splat to a film: the stages in order, one line each.
 
-A stage is a function of core types. What it made is kept by a ``Store`` (a run folder, ``run/generate.py``), which
-also recalls it, so that an interrupted run goes on where it stopped.
+A stage is a function of core types. What it made is kept by a ``Store`` (a run folder, ``run/store.py``), which also
+recalls it, so that an interrupted run goes on where it stopped and an edit redoes only what depends on it. A result
+stands as a function that returns it: what nobody asks for is not read back.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import Any, Protocol, TypeVar
 
 from phys4dgen.progress import SILENT, Progress
 from phys4dgen.scene import Scene, check_part_names, refuse_impossible_part_names
-from phys4dgen.stages.asset import load
+from phys4dgen.stages.asset import Asset, load
 from phys4dgen.stages.film import film
 from phys4dgen.stages.grouping import group
 from phys4dgen.stages.interior import fill
@@ -27,12 +28,19 @@ T = TypeVar("T")
 class Store(Protocol):
     """Keeps what the stages make."""
 
-    def recall(self, stage: str, inputs: dict[str, Any]) -> Any | None:
-        """What ``stage`` made in an earlier run with the same input and settings, or None."""
+    def begin(self, asset: Asset) -> None:
+        """The object whose stages follow."""
         ...
 
-    def keep(self, stage: str, result: Any, inputs: dict[str, Any]) -> Any:
-        """Keep the result of ``stage``; return it, or what stands for it from now on."""
+    def recall(self, stage: str, make: Callable[[], Any]) -> Callable[[], Any] | None:
+        """Returns what ``stage`` made in an earlier run, or is None where it has to be made (again).
+
+        ``make`` makes it, for what is not stored to the last bit.
+        """
+        ...
+
+    def keep(self, stage: str, result: Any) -> Callable[[], Any]:
+        """Keep the result of ``stage``; returns it, or what stands for it from now on."""
         ...
 
 
@@ -40,29 +48,27 @@ def animate_scene(scene: Scene, store: Store, *, until: str = "render", progress
     """Run the stages of a scene up to and with ``until``."""
     refuse_impossible_part_names(scene)
     asset = load(scene, progress)
+    store.begin(asset)
 
-    def stage(name: str, make: Callable[[], T], **inputs: Any) -> T:
+    def stage(name: str, make: Callable[[], T]) -> Callable[[], T]:
         progress.stage(name)
-        found = store.recall(name, {"asset": asset, **inputs})
-        if found is not None:
-            progress.note(f"{name}: taken from the run folder.")
-            return found
-        return store.keep(name, make(), {"asset": asset, **inputs})
+        found = store.recall(name, make)
+        return store.keep(name, make()) if found is None else found
 
     views = stage("views", lambda: look(scene, asset, progress))
     if until == "views":
         return
-    parts = stage("grouping", lambda: group(scene, asset, views, progress), views=views)
-    check_part_names(scene, parts.names)
+    parts = stage("grouping", lambda: group(scene, asset, views(), progress))
+    check_part_names(scene, parts().names)
     if until == "grouping":
         return
-    interior = stage("interior", lambda: fill(scene, asset, parts, progress), parts=parts)
+    interior = stage("interior", lambda: fill(scene, asset, parts(), progress))
     if until == "interior":
         return
-    book = stage("materials", lambda: identify(scene, asset, parts, interior, progress), parts=parts)
+    book = stage("materials", lambda: identify(scene, asset, parts(), interior(), progress))
     if until == "materials":
         return
-    motion = stage("simulate", lambda: move(scene, asset, parts, interior, book, progress), parts=parts, book=book)
+    motion = stage("simulate", lambda: move(scene, asset, parts(), interior(), book(), progress))
     if until == "simulate":
         return
-    stage("render", lambda: film(scene, asset, motion, progress), motion=motion)
+    stage("render", lambda: film(scene, asset, motion(), progress))

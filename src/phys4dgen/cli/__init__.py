@@ -11,6 +11,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from importlib import import_module
 
 from phys4dgen.errors import Phys4DGenError, SceneError
 
@@ -63,9 +64,7 @@ def _run(words: list[str]) -> int:
         arguments = parse(words)
     except SystemExit as help_was_printed:
         return int(help_was_printed.code or 0)
-    from phys4dgen.cli.commands import COMMAND_FUNCTIONS
-
-    return COMMAND_FUNCTIONS[arguments.command](arguments)
+    return import_module(f"phys4dgen.cli.{arguments.command}").run(arguments)
 
 
 def _verbosity(words: Sequence[str]) -> int:

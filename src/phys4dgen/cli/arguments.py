@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -19,17 +20,34 @@ from phys4dgen.errors import SceneError, did_you_mean
 if TYPE_CHECKING:
     from phys4dgen.scene import Scene
 
-__all__ = ["COMMANDS", "Arguments", "parse", "scene_from", "top_help"]
+__all__ = [
+    "COMMANDS",
+    "FILM_FLAGS",
+    "Arguments",
+    "add_flags_of",
+    "add_generate_flags",
+    "add_simulate_flags",
+    "parse",
+    "scene_from",
+    "scene_with",
+    "top_help",
+]
 
 COMMANDS = {
     "generate": "a 3D Gaussian splat in, physically simulated 4D content out",
-    "demo": "the same on a bundled potted flower",
+    "demo": "the same on a bundled object",
+    "simulate": "again from the simulation, after an edit of a run's scene.yaml or materials.yaml",
+    "render": "the film of a run again, from elsewhere, or with parts, materials, strain or forces laid over it",
     "inspect": "say what a splat file or a run folder holds",
+    "convert": "a splat file into another format",
+    "doctor": "say what is ready on this machine, what is missing, and how to get it",
 }
+"""Summaries of the commands; each lives in the module of its name beside this one, which has ``SCENE_KEYS`` (whether
+every key of the scene is a flag), ``add_flags(parser)`` and ``run(arguments)``."""
 
 
 @dataclass(frozen=True)
-class _Flag:
+class Flag:
     """An everyday flag that sets one key of the scene."""
 
     name: str
@@ -39,21 +57,33 @@ class _Flag:
 
 
 _FORCES_HELP = "accelerations, as in scene.yaml: '[{part: leaves, value_ms2: [3,0,0], to_s: 1}]'"
-_FLAGS = (
-    _Flag("--up", "up", "AXIS", "which way is up: auto, x, -x, y, -y, z, -z or 0,0,1"),
-    _Flag("--height-m", "height_m", "METRES", "the object's real height"),
-    _Flag("--longest-m", "longest_m", "METRES", "the real length of its longest side, instead of its height"),
-    _Flag("--parts", "grouping.parts", "N", "number of parts to find"),
-    _Flag("--motion", "motion.preset", "NAME", "what happens: auto, sway or rest"),
-    _Flag("--wind", "motion.wind", "X,Y,Z", "direction of the gust in the input's axes"),
-    _Flag("--duration-s", "simulation.duration_s", "SECONDS", "length of the film"),
-    _Flag("--fps", "simulation.fps", "N", "frames per second"),
-    _Flag("--grid", "simulation.grid", "N", "grid cells along the longest side"),
-    _Flag("--threads", "simulation.threads", "N", "threads to use; the result does not depend on it"),
-    _Flag("--seed", "seed", "N", "of everything that is drawn at random"),
-    _Flag("--forces", "forces", "LIST", _FORCES_HELP),
-    _Flag("--gravity", "gravity", "NAME", "rest: the shape given is at rest under gravity"),
+SCENE_FLAGS = (
+    Flag("--up", "up", "AXIS", "which way is up: auto, x, -x, y, -y, z, -z or 0,0,1"),
+    Flag("--height-m", "height_m", "METRES", "the object's real height"),
+    Flag("--longest-m", "longest_m", "METRES", "the real length of its longest side, instead of its height"),
+    Flag("--parts", "grouping.parts", "N", "number of parts to find"),
+    Flag("--motion", "motion.preset", "NAME", "what happens: auto, sway or rest"),
+    Flag("--wind", "motion.wind", "X,Y,Z", "direction of the gust in the input's axes"),
+    Flag("--duration-s", "simulation.duration_s", "SECONDS", "length of the film"),
+    Flag("--fps", "simulation.fps", "N", "frames per second"),
+    Flag("--grid", "simulation.grid", "N", "grid cells along the longest side"),
+    Flag("--threads", "simulation.threads", "N", "threads to use; the result does not depend on it"),
+    Flag("--seed", "seed", "N", "of everything that is drawn at random"),
+    Flag("--forces", "forces", "LIST", _FORCES_HELP),
+    Flag("--gravity", "gravity", "NAME", "rest: the shape given is at rest under gravity"),
 )  # fmt: skip
+"""Everyday flags of the commands that simulate."""
+
+FILM_FLAGS = (
+    Flag("--orbit-deg", "output.video.orbit_deg", "DEGREES", "how far the camera travels round the object"),
+    Flag("--azimuth-deg", "output.video.azimuth_deg", "DEGREES", "where the middle of that path lies"),
+    Flag("--elevation-deg", "output.video.elevation_deg", "DEGREES", "of the camera above the horizon"),
+    Flag("--width", "output.video.width", "PIXELS", "of the film"),
+    Flag("--height", "output.video.height", "PIXELS", "of the film; auto: from the object's shape"),
+    Flag("--fps", "output.video.fps", "N", "frames per second of the film"),
+    Flag("--background", "output.video.background", "NAME", "white, black or grey"),
+)
+"""Everyday flags of ``render``."""
 
 _PREVIEW: dict[str, Any] = {
     "simulation.grid": 32,
@@ -110,21 +140,21 @@ def parse(argv: Sequence[str]) -> Arguments:
         raise SceneError(
             f"'{command}' is not a command; expected one of {', '.join(COMMANDS)}.{did_you_mean(command, COMMANDS)}"
         )
-    parser = _parser(command, with_scene_keys=any(word in ("-h", "--help") for word in rest))
+    module = import_module(f"phys4dgen.cli.{command}")
+    parser = _parser(command)
+    module.add_flags(parser)
+    if module.SCENE_KEYS and any(word in ("-h", "--help") for word in rest):
+        parser.epilog = "every key of scene.yaml is a flag as well:\n" + "\n".join(_scene_key_lines())
     flags = [word for action in parser._actions for word in action.option_strings]
     takes_value = {word for action in parser._actions if action.nargs != 0 for word in action.option_strings}
-    rest, overrides = _take_dotted(_joined(rest, flags, takes_value), accepted=command != "inspect")
+    rest, overrides = _take_dotted(_joined(rest, flags, takes_value), accepted=module.SCENE_KEYS)
     options, unknown = parser.parse_known_args(rest)
     if unknown:
         word = unknown[0].split("=")[0]
         kind = "a flag" if word.startswith("-") else "an argument"
         hint = did_you_mean(word, flags) or " Its --help lists what there is."
         raise SceneError(f"'{word}' is not {kind} of 'phys4dgen {command}'.{hint}")
-    if command != "inspect":
-        if options.output is None:
-            raise SceneError(f"{command}: say where the result goes with -o RUN.")
-        overrides = {**_everyday_overrides(options), **overrides}
-    return Arguments(command, options, overrides)
+    return Arguments(command, options, {**_everyday_overrides(options), **overrides})
 
 
 def scene_from(arguments: Arguments, base: Scene | None = None) -> Scene:
@@ -140,10 +170,12 @@ def scene_from(arguments: Arguments, base: Scene | None = None) -> Scene:
     from phys4dgen.scene import Scene, load_scene
 
     options = arguments.options
-    scene = base
-    if options.scene is not None and base is None:
-        scene = load_scene(options.scene)
-    given = getattr(options, "input", None)
+    if options.output is None:
+        raise SceneError(f"{arguments.command}: say where the result goes with -o RUN.")
+    scene, given = base, None
+    if base is None:
+        given = options.input
+        scene = None if options.scene is None else load_scene(options.scene)
     if scene is None:
         if given is None:
             raise SceneError(
@@ -152,16 +184,23 @@ def scene_from(arguments: Arguments, base: Scene | None = None) -> Scene:
         scene = Scene(input=Path(given))
     elif given is not None:
         scene = scene.with_overrides({"input": given})
-    overrides = {key: value for key, (value, _) in arguments.overrides.items()}
-    sources = {key: flag for key, (_, flag) in arguments.overrides.items()}
-    if options.preview:
-        overrides = {**_PREVIEW, **overrides}
-        sources = {**dict.fromkeys(_PREVIEW, "--preview"), **sources}
-    scene = scene.with_overrides(overrides, sources=sources)
-    return scene.with_paths_from(Path.cwd())
+    preview = {key: (value, "--preview") for key, value in _PREVIEW.items()} if options.preview else {}
+    return scene_with(scene, {**preview, **arguments.overrides})
 
 
-def _parser(command: str, *, with_scene_keys: bool) -> _Parser:
+def scene_with(scene: Scene, overrides: Mapping[str, tuple[Any, str]]) -> Scene:
+    """A scene with what a command line says, ``Arguments.overrides``; paths become absolute.
+
+    Raises:
+        SceneError: an unknown key, or a value that does not fit; names the flag.
+    """
+    values = {key: value for key, (value, _) in overrides.items()}
+    sources = {key: flag for key, (_, flag) in overrides.items()}
+    return scene.with_overrides(values, sources=sources).with_paths_from(Path.cwd())
+
+
+def _parser(command: str) -> _Parser:
+    """A parser with what all commands have."""
     parser = _Parser(
         prog=f"phys4dgen {command}",
         description=COMMANDS[command][0].upper() + COMMANDS[command][1:] + ".",
@@ -170,30 +209,35 @@ def _parser(command: str, *, with_scene_keys: bool) -> _Parser:
     )
     parser.add_argument("-v", "--verbose", action="count", default=0, help="say more; -vv adds tracebacks to errors")
     parser.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
-    if command == "inspect":
-        parser.add_argument("file", metavar="FILE", type=Path, help="a .ply or .splat file, or a run folder")
-        parser.add_argument("--json", action="store_true", help="as JSON")
-        return parser
-    if command == "generate":
-        parser.add_argument("input", metavar="INPUT", nargs="?", help="a .ply or .splat file; may stand in --scene")
+    return parser
+
+
+def add_flags_of(parser: argparse.ArgumentParser, flags: Sequence[Flag]) -> None:
+    """Add a table of everyday flags."""
+    for flag in flags:
+        parser.add_argument(flag.name, dest=flag.key, metavar=flag.metavar, help=flag.help)
+
+
+def add_generate_flags(parser: argparse.ArgumentParser) -> None:
+    """Add the flags that fill a run folder from a scene."""
     parser.add_argument("-o", "--output", metavar="RUN", type=Path, help="the run folder to fill (required)")
-    parser.add_argument("--scene", metavar="FILE", type=Path, help="scene.yaml with any of the settings")
     parser.add_argument("--overwrite", action="store_true", help="replace a run with other settings in RUN")
+    parser.add_argument("--preview", action="store_true", help="coarse and quick: a small film and no frame files")
+    add_simulate_flags(parser)
+
+
+def add_simulate_flags(parser: argparse.ArgumentParser) -> None:
+    """Add the everyday flags of a scene, and how far to go."""
     parser.add_argument(
         "--until", metavar="STAGE", help="stop after views, grouping, interior, materials or simulate (default: render)"
     )
-    parser.add_argument("--preview", action="store_true", help="coarse and quick: a small film and no frame files")
-    for flag in _FLAGS:
-        parser.add_argument(flag.name, dest=flag.key, metavar=flag.metavar, help=flag.help)
+    add_flags_of(parser, SCENE_FLAGS)
     for name, metavar, text in (
         ("--hold", "PART", "this part does not move"),
         ("--material", "PART=NAME", "material of a part, from the library"),
         ("--part-name", "NUMBER=NAME", "name of a part (they are numbered from the ground up)"),
     ):
         parser.add_argument(name, metavar=metavar, action="append", default=[], help=f"{text}; may be repeated")
-    if with_scene_keys:
-        parser.epilog = "every key of scene.yaml is a flag as well:\n" + "\n".join(_scene_key_lines())
-    return parser
 
 
 def _scene_key_lines() -> Iterator[str]:
@@ -255,11 +299,14 @@ def _value(text: str, flag: str) -> Any:
 
 
 def _everyday_overrides(options: argparse.Namespace) -> dict[str, tuple[Any, str]]:
+    """What the everyday flags say, of those that the command has."""
     overrides: dict[str, tuple[Any, str]] = {}
-    for flag in _FLAGS:
-        text = getattr(options, flag.key)
+    for flag in (*SCENE_FLAGS, *FILM_FLAGS):
+        text = getattr(options, flag.key, None)
         if text is not None:
             overrides[flag.key] = (_value(text, flag.name), flag.name)
+    if not hasattr(options, "part_name"):
+        return overrides
     for part in options.hold:
         overrides[f"parts.{part}.hold"] = ("fixed", "--hold")
     for text in options.material:

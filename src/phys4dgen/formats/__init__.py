@@ -18,6 +18,7 @@ __all__ = [
     "PlyFrameWriter",
     "SplatFile",
     "atomic_path",
+    "check_writable_suffix",
     "load_gaussians",
     "read_ply",
     "read_splat",
@@ -80,6 +81,15 @@ def save_gaussians(gaussians: Gaussians, path: Path | str) -> None:
         write(gaussians, path)
     except OSError as error:
         raise FormatError(f"{path}: the file cannot be written ({error}); check folder, rights and disk.") from error
+
+
+def check_writable_suffix(path: Path | str) -> None:
+    """Raise what ``save_gaussians`` would for the suffix of a path.
+
+    Raises:
+        FormatError: a suffix that this version does not write.
+    """
+    codec(Path(path), WRITERS, "write")
 
 
 def codec(path: Path, known: Mapping[str, Function], verb: str) -> Function:

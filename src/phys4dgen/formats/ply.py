@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from phys4dgen.errors import FormatError
 from phys4dgen.formats.atomic import atomic_path
+from phys4dgen.formats.compressed_ply import is_compressed, read_compressed_ply
 from phys4dgen.formats.ply_header import PlyElement, PlyHeader, read_ply_header
 from phys4dgen.formats.splat_file import (
     LARGEST_VALUE,
@@ -52,7 +53,7 @@ MAX_LIST_ROWS = 1_000_000
 
 
 def read_ply(path: Path | str) -> SplatFile:
-    """Read a 3DGS PLY of SH degree 0 to 3: any property order and scalar type, little- or big-endian or ASCII.
+    """Read a 3DGS PLY of SH degree 0 to 3 in any property order, scalar type and encoding, or PlayCanvas compressed.
 
     Raises:
         FormatError: not a 3DGS PLY, damaged, cut off, or with values that are not usable numbers.
@@ -60,6 +61,8 @@ def read_ply(path: Path | str) -> SplatFile:
     path = existing_file(path)
     with path.open("rb") as stream:
         header = read_ply_header(stream, path)
+        if is_compressed(header):
+            return read_compressed_ply(stream, header, path)
         vertex = vertex_element(header, path)
         skip_to_vertex(stream, header, path)
         refuse_short_body(stream, header, vertex, path)
@@ -153,11 +156,6 @@ def vertex_element(header: PlyHeader, path: Path) -> PlyElement:
         raise FormatError(f"{path}: the PLY file has no 'vertex' element, so it holds no Gaussians; export a 3DGS PLY.")
     vertex = found[0]
     names = {column.name for column in vertex.properties}
-    if "packed_position" in names:
-        raise FormatError(
-            f"{path}: PlayCanvas compressed PLY comes in a later version; convert it to an uncompressed PLY "
-            "(for example with SuperSplat) and give that."
-        )
     missing = [name for name in REQUIRED if name not in names]
     if missing:
         listed = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")

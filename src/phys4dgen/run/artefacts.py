@@ -16,6 +16,7 @@ from phys4dgen.types import Continuum, Frame, Masks, Parts, Views
 
 __all__ = ["read_groups", "read_interior", "write_groups", "write_interior", "write_part_maps", "write_views"]
 
+_PARTICLE_FIELDS = tuple(field.name for field in fields(Continuum))
 _DEPTH_STEPS = 65535
 """Depth is stored in 16-bit PNGs, which every image library reads."""
 
@@ -82,12 +83,21 @@ def read_groups(run: RunFolder) -> Parts:
         return Parts(arrays["labels"], tuple(str(name) for name in arrays["names"]), backend)
 
 
-def write_interior(run: RunFolder, interior: Interior) -> None:
-    """Write ``continuum.npz``: the particles, positions float32 in input coordinates, and what discovery reported."""
-    continuum = interior.continuum
-    particles = {field.name: getattr(continuum, field.name) for field in fields(continuum)}
-    particles["group"] = particles.pop("part")
-    particles["positions"] = continuum.positions.astype(np.float32)
+def write_interior(run: RunFolder, interior: Interior, *, settled: Continuum) -> None:
+    """Write ``continuum.npz``: the particles, positions float32 in input coordinates, and what discovery reported.
+
+    Args:
+        run: the folder.
+        interior: as discovered.
+        settled: its particles with the final thicknesses, which the file holds under the plain names; what was
+            discovered otherwise stands beside them as ``discovered_...``, so that other materials can settle it anew.
+    """
+    particles = {}
+    for name in _PARTICLE_FIELDS:
+        final, found = _stored(settled, name), _stored(interior.continuum, name)
+        particles["group" if name == "part" else name] = final
+        if not np.array_equal(final, found, equal_nan=final.dtype.kind == "f"):
+            particles[f"discovered_{name}"] = found
     facts = {
         "solid_voxels": interior.solid_voxels,
         "agreement": interior.agreement,
@@ -99,12 +109,12 @@ def write_interior(run: RunFolder, interior: Interior) -> None:
 
 
 def read_interior(run: RunFolder) -> Interior:
-    """Read ``continuum.npz`` back."""
+    """Read the interior as it was discovered back from ``continuum.npz``."""
     with np.load(run.continuum_npz, allow_pickle=False) as archive:
         arrays = dict(archive)
     arrays["part"] = arrays.pop("group")
-    names = [field.name for field in fields(Continuum)]
-    continuum = Continuum(**{n: arrays[n].item() if arrays[n].ndim == 0 else arrays[n] for n in names})
+    found = {name: arrays.get(f"discovered_{name}", arrays[name]) for name in _PARTICLE_FIELDS}
+    continuum = Continuum(**{name: array.item() if array.ndim == 0 else array for name, array in found.items()})
     bridges = BridgeReport(**{f.name: arrays[f"bridges_{f.name}"].item() for f in fields(BridgeReport)})
     return Interior(
         continuum,
@@ -114,6 +124,11 @@ def read_interior(run: RunFolder) -> Interior:
         density_threshold=arrays["density_threshold"].item(),
         loose_particles=arrays["loose_particles"].item(),
     )
+
+
+def _stored(continuum: Continuum, name: str) -> NDArray[Any]:
+    values = np.asarray(getattr(continuum, name))
+    return values.astype(np.float32) if name == "positions" else values
 
 
 def _eight_bit(values: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -1,7 +1,7 @@
 """The run folder: where every artefact lies, who may write it, and what is already done.
 
-Each file appears whole or not at all. ``.state.json`` records a digest of the input and settings behind every
-stage (``stages.py``), so that a second ``generate`` knows whether it continues this run or would destroy another.
+Each file appears whole or not at all. ``.state.json`` (``state.py``) records what every finished stage was made from,
+so that a second command knows what still holds and what it would destroy.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import json
 import logging
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -17,28 +18,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.errors import RunError
+from phys4dgen.errors import RunError, SceneError
 from phys4dgen.export.frames import frame_path
 from phys4dgen.formats.atomic import atomic_path
 from phys4dgen.run.json_text import json_text
 from phys4dgen.run.lock import FolderLock
 from phys4dgen.run.log import JsonLinesHandler
-from phys4dgen.run.stages import STAGES
-from phys4dgen.scene import Scene
+from phys4dgen.run.stages import STAGES, Needs, Stage
+from phys4dgen.run.state import STATE_NAME, StageRecord, read_state
+from phys4dgen.scene import Scene, dump_scene, load_scene
 
-__all__ = ["RunFolder", "finished_stages"]
+__all__ = ["RunFolder"]
 
-_ALWAYS = ("scene.yaml", "report.json", "log.jsonl")
-"""Files of the run as a whole."""
-
-_STATE = ".state.json"
+_READ_AGAIN = (".npz", ".yaml", ".json")
+"""Suffixes of files whose content a later command depends on."""
 
 
 class RunFolder:
     """A run folder that this process holds; use it in a ``with`` statement.
 
     The names of all artefacts are attributes (README.md says what they hold), so that no other file spells them.
-    ``input`` holds the splat of the demo; every other input stays where it is.
+    ``input`` holds the splat of the demo; every other input stays where it is. ``records`` tells of the finished
+    stages, by name.
     """
 
     def __init__(self, root: Path | str) -> None:
@@ -52,31 +53,28 @@ class RunFolder:
         self.groups_npz = self.root / "groups.npz"
         self.continuum_npz = self.root / "continuum.npz"
         self.materials_yaml = self.root / "materials.yaml"
+        self.identified_yaml = self.root / ".identified.yaml"
         self.trajectory_npz = self.root / "trajectory.npz"
         self.motion_json = self.root / "motion.json"
         self.frames = self.root / "frames"
         self.video_mp4 = self.root / "video.mp4"
         self.preview_png = self.root / "preview.png"
         self.contact_sheet_png = self.root / "contact_sheet.png"
+        self.overlays = self.root / "overlays"
         self.report_json = self.root / "report.json"
         self.log_jsonl = self.root / "log.jsonl"
-        self._state_json = self.root / _STATE
+        self.records: dict[str, StageRecord] = {}
+        self._state_json = self.root / STATE_NAME
         self._lock = FolderLock(self.root)
         self._log_handler: logging.Handler | None = None
-        self._digests: dict[str, str] = {}
-        self._finished: dict[str, str] = {}
-        self._warnings: dict[str, list[str]] = {}
 
     # ------------------------------------------------------------------------------------------------ taking it
 
-    def claim(self, digests: Mapping[str, str], *, overwrite: bool = False) -> RunFolder:
-        """Make or take the folder for a run with these stage digests, and lock it.
-
-        A new or empty folder is made ready; the same input and settings continue; anything else is refused, or with
-        ``overwrite`` loses the artefacts that no longer fit. Files that phys4dgen did not make are never removed.
+    def claim(self) -> RunFolder:
+        """Make or take the folder and lock it; nothing that a run left in it is touched yet.
 
         Raises:
-            RunError: not a folder, not a run, of other settings, locked by another process, or not writable.
+            RunError: not a folder, not a run, locked by another process, damaged or not writable.
         """
         self.refuse_foreign_files()
         try:
@@ -85,7 +83,10 @@ class RunFolder:
             raise RunError(f"{self.root}: cannot make the run folder: {error.strerror or error}.") from error
         self._lock.acquire()
         try:
-            self._take_over(digests, overwrite=overwrite)
+            self.records = read_state(self.root)
+            for leftover in self.root.rglob(".*.partial-*"):
+                leftover.unlink(missing_ok=True)
+            self._write_state()  # which marks the folder as a run
         except BaseException:
             self._lock.release()
             raise
@@ -110,35 +111,25 @@ class RunFolder:
                     "choose another place with -o."
                 )
 
-    def _take_over(self, digests: Mapping[str, str], *, overwrite: bool) -> None:
-        old, finished, warnings = _read_state(self._state_json)
-        changed = next((stage.name for stage in STAGES if old and old.get(stage.name) != digests[stage.name]), None)
-        # A run that finished nothing (a damaged input, Ctrl-C at once) holds nothing that could be lost.
-        if changed is not None and finished and not overwrite:
-            what = "another input or other settings" if changed == STAGES[0].name else f"other settings of '{changed}'"
-            raise RunError(
-                f"{self.root}: holds a run with {what}; "
-                "add --overwrite to replace what depends on them, or choose another place with -o."
-            )
-        self._digests = dict(digests)
-        self._finished = {name: digest for name, digest in finished.items() if self._digests.get(name) == digest}
-        self._warnings = {name: said for name, said in warnings.items() if name in self._finished}
-        for leftover in self.root.rglob(".*.partial-*"):
-            leftover.unlink(missing_ok=True)
-        if changed is not None:
-            self._remove_from(changed)
-        self._write_state()
+    def refuse_other_settings(self, settings: Mapping[str, Any]) -> None:
+        """Refuse to continue a run that other settings have made.
 
-    def _remove_from(self, first: str) -> None:
-        """Remove the artefacts of a stage and of those after it."""
-        names = [stage.name for stage in STAGES]
-        for stage in STAGES[names.index(first) :]:
-            for pattern in stage.files:
-                for path in self.root.glob(pattern):
-                    if path.is_file():
-                        path.unlink()
-        for name in _ALWAYS:
-            (self.root / name).unlink(missing_ok=True)
+        Args:
+            settings: of the scene asked for, from ``scene_settings``.
+
+        Raises:
+            RunError: names the first stage and setting that differ, and the ways out.
+        """
+        for stage in STAGES:
+            record = self.records.get(stage.name)
+            if record is not None:
+                other = record.changed_settings(Needs.of(stage, settings, record.needs.products))
+                if other:
+                    raise RunError(
+                        f"{self.root}: holds a run with other settings of '{stage.name}' ({_listed(other)}); add "
+                        "--overwrite to replace what depends on them, choose another place with -o, or go on with "
+                        f"what the run's own scene.yaml says by 'phys4dgen simulate {self.root}'."
+                    )
 
     def __enter__(self) -> RunFolder:
         return self
@@ -158,22 +149,52 @@ class RunFolder:
 
     # ------------------------------------------------------------------------------------------- what is done
 
-    def is_finished(self, stage: str) -> bool:
-        """Whether ``stage`` ended with the input and settings of this run."""
-        return self._finished.get(stage) == self._digests[stage]
-
-    def finish(self, stage: str, *, warnings: Sequence[str] = ()) -> None:
-        """Record that all files of ``stage`` are written, and what it warned of."""
-        self._finished[stage] = self._digests[stage]
-        self._warnings[stage] = list(warnings)
+    def finish(self, stage: Stage, record: StageRecord) -> None:
+        """Record that all files of ``stage`` are written."""
+        self.records[stage.name] = replace(record, files=self._signatures(stage))
         self._write_state()
 
-    def warnings_of(self, stage: str) -> Sequence[str]:
-        """What ``stage`` warned of when it ran; its result is still to be judged by it."""
-        return self._warnings.get(stage, ())
+    def refresh(self, stage: Stage) -> None:
+        """Record the files of a finished stage as they are now."""
+        self.finish(stage, self.records[stage.name])
+
+    def remove_outdated(self, settings: Mapping[str, Any]) -> None:
+        """Remove what other settings have made, and what follows from it; files of others and edits stay.
+
+        Args:
+            settings: of the scene asked for, from ``scene_settings``.
+        """
+        outdated = False
+        for stage in STAGES:
+            record = self.records.get(stage.name)
+            if record is not None:
+                outdated |= bool(record.changed_settings(Needs.of(stage, settings, record.needs.products)))
+                if outdated and stage.name != "materials":  # what was edited there is taken over, where it still fits
+                    self._remove(stage)
+
+    def _remove(self, stage: Stage) -> None:
+        del self.records[stage.name]
+        self._write_state()
+        for pattern in stage.files:
+            for path in self.root.glob(pattern):
+                path.unlink(missing_ok=True)
+
+    def is_untouched(self, stage: Stage) -> bool:
+        """Whether the main files of a finished stage are as they were when it was recorded."""
+        return self.records[stage.name].files == self._signatures(stage)
+
+    def _signatures(self, stage: Stage) -> dict[str, list[int]]:
+        """Size and time of the files that later stages read and that people edit."""
+        found = {}
+        for name in stage.files:
+            path = self.root / name
+            if path.suffix in _READ_AGAIN and path.is_file():
+                status = path.stat()
+                found[name] = [status.st_size, status.st_mtime_ns]
+        return found
 
     def missing(self, scene: Scene, stages: Sequence[str]) -> list[str]:
-        """Names of the files that ``stages`` of a scene owe and that are not there."""
+        """Names of the files that these stages of a scene owe and that are not there."""
         owed = {
             "views": [self.gaussians_ply, self.cameras_json],
             "grouping": [self.groups_npz, self.parts_png],
@@ -182,7 +203,7 @@ class RunFolder:
             "simulate": [self.trajectory_npz, self.motion_json],
             "render": [self.preview_png, self.contact_sheet_png],
         }
-        paths = [self.scene_yaml, self.report_json, *(path for stage in stages for path in owed[stage])]
+        paths = [path for stage in stages for path in owed[stage]]
         if "render" in stages:
             paths.append(self.video_mp4 if not self.video_mp4.with_suffix(".webp").is_file() else self.preview_png)
             if scene.output.frames == "ply":
@@ -194,8 +215,7 @@ class RunFolder:
         return json.loads(self.report_json.read_text("utf-8"))
 
     def _write_state(self) -> None:
-        state = {"digests": self._digests, "finished": self._finished, "warnings": self._warnings}
-        self.write_json(self._state_json, state)
+        self.write_json(self._state_json, {"stages": {name: r.as_dict() for name, r in self.records.items()}})
 
     # ------------------------------------------------------------------------------------------------- writing
 
@@ -203,6 +223,15 @@ class RunFolder:
         """Write a UTF-8 text file whole."""
         with atomic_path(path) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")
+
+    def write_scene(self, scene: Scene) -> None:
+        """Write scene.yaml, unless it says the same already: a person's own comments in it stay."""
+        try:
+            same = self.scene_yaml.is_file() and load_scene(self.scene_yaml) == scene
+        except SceneError:
+            same = False
+        if not same:
+            self.write_text(self.scene_yaml, dump_scene(scene))
 
     def write_json(self, path: Path, value: Any) -> None:
         """Write JSON whole; NumPy values are converted, NaN and infinity become null."""
@@ -227,22 +256,5 @@ class RunFolder:
             )
 
 
-def finished_stages(root: Path | str) -> list[str]:
-    """The stages that are complete in a run folder, in order; none where there is no run.
-
-    Raises:
-        RunError: the state of the run is damaged.
-    """
-    _, finished, _ = _read_state(Path(root) / _STATE)
-    return [stage.name for stage in STAGES if stage.name in finished]
-
-
-def _read_state(path: Path) -> tuple[dict[str, str], dict[str, str], dict[str, list[str]]]:
-    """Digests by stage of the run in a folder, as begun and as finished, and the warnings by stage."""
-    if not path.is_file():
-        return {}, {}, {}
-    try:
-        state = json.loads(path.read_text("utf-8"))
-        return dict(state["digests"]), dict(state["finished"]), dict(state["warnings"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RunError(f"{path}: expected the state of a run, got a damaged file; choose another place.") from error
+def _listed(phrases: Sequence[str]) -> str:
+    return phrases[0] if len(phrases) == 1 else f"{phrases[0]}, and {len(phrases) - 1} more"

@@ -1,25 +1,27 @@
-"""``generate``: the whole job into a run folder, resumed where an earlier run stopped."""
+"""The whole job into a run folder, resumed where an earlier run stopped, or made again from a stage after an edit."""
 
 from __future__ import annotations
 
-import importlib.metadata
-import os
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from phys4dgen.errors import RunError
 from phys4dgen.progress import SILENT, Progress
 from phys4dgen.run.folder import RunFolder
+from phys4dgen.run.kernels import simulator_is_compiled
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import Report
-from phys4dgen.run.stages import stage_digests, stages_until
-from phys4dgen.scene import Scene, dump_scene, refuse_impossible_part_names
+from phys4dgen.run.stages import STAGES, Needs, scene_settings, stage_named, stages_until
+from phys4dgen.run.state import STATE_NAME
+from phys4dgen.scene import Scene, load_scene, refuse_impossible_part_names
 
 if TYPE_CHECKING:
+    from phys4dgen.run.store import RunStore
     from phys4dgen.stages.motion_facts import MotionFacts
 
-__all__ = ["Run", "generate"]
+__all__ = ["Run", "continue_run", "generate", "scene_of_run"]
 
 
 @dataclass(frozen=True)
@@ -55,49 +57,132 @@ def generate(
     stages = stages_until(until)
     scene = scene.with_paths_from(Path.cwd())
     refuse_impossible_part_names(scene)
-    digests = stage_digests(scene, version=importlib.metadata.version("phys4dgen"))
+    settings = scene_settings(scene)
     recorder = RecordingProgress(progress)
-    with RunFolder(out).claim(digests, overwrite=overwrite) as run:
-        if run.is_finished(stages[-1]) and run.report_json.is_file() and not run.missing(scene, stages):
-            recorder.note(f"{run.root} holds this run already; nothing is left to do.")
+    with RunFolder(out).claim() as run:
+        if overwrite:
+            run.remove_outdated(settings)
         else:
-            _fill(run, scene, stages, recorder)
-        missing = run.missing(scene, stages)
-        if missing:
-            raise RunError(f"{run.root}: the run ended without {', '.join(missing)}; look into {run.log_jsonl.name}.")
-        shown = (run.video_mp4, run.contact_sheet_png, run.parts_png, run.report_json)
-        return Run(run.root, run.read_report(), tuple(path for path in shown if path.is_file()))
+            run.refuse_other_settings(settings)
+        return _finished(run, scene, stages, recorder)
 
 
-def _fill(run: RunFolder, scene: Scene, stages: tuple[str, ...], recorder: RecordingProgress) -> None:
+def continue_run(
+    folder: Path | str,
+    scene: Scene | None = None,
+    *,
+    since: Literal["views", "simulate", "render"],
+    until: str | None = None,
+    again: bool = False,
+    progress: Progress = SILENT,
+) -> Run:
+    """Bring a run up to date after an edit of its scene.yaml or materials.yaml, or after an interruption.
+
+    Args:
+        folder: the run folder.
+        scene: what it shall be; None for what its scene.yaml says.
+        since: the stage that the edit is meant for; those before it are made only if their own settings changed.
+            "render" makes the film alone and refuses to simulate.
+        until: last stage wanted; None for all.
+        again: make ``since`` again although nothing has changed.
+        progress: told what is reused, and why something is made again.
+
+    Raises:
+        Phys4DGenError: one sentence on what is wrong.
+    """
+    stages = stages_until(until)
+    scene = scene_of_run(folder) if scene is None else scene
+    refuse_impossible_part_names(scene)
+    recorder = RecordingProgress(progress)
+    with RunFolder(folder).claim() as run:
+        return _finished(run, scene, stages, recorder, since=since, again=again)
+
+
+def scene_of_run(folder: Path | str) -> Scene:
+    """What RUN/scene.yaml says.
+
+    Raises:
+        RunError: the folder holds no run.
+        SceneError: scene.yaml is damaged; names line and key.
+    """
+    folder = Path(folder)
+    scene_yaml = RunFolder(folder).scene_yaml
+    if not (folder / STATE_NAME).is_file() or not scene_yaml.is_file():
+        raise RunError(
+            f"{folder}: expected a run folder with a scene.yaml; 'phys4dgen generate INPUT -o RUN' makes one."
+        )
+    return load_scene(scene_yaml)
+
+
+def _finished(
+    run: RunFolder,
+    scene: Scene,
+    stages: Sequence[str],
+    recorder: RecordingProgress,
+    *,
+    since: str = STAGES[0].name,
+    again: bool = False,
+) -> Run:
+    """The run with all of ``stages`` done."""
+    if not again and _holds(run, scene, stages):
+        recorder.note(f"{run.root} holds this run already; nothing is left to do.")
+    else:
+        _fill(run, scene, stages, recorder, since=since, again=again)
+    missing = run.missing(scene, stages)
+    if missing:
+        raise RunError(f"{run.root}: the run ended without {', '.join(missing)}; look into {run.log_jsonl.name}.")
+    shown = (run.video_mp4, run.contact_sheet_png, run.parts_png, run.report_json)
+    return Run(run.root, run.read_report(), tuple(path for path in shown if path.is_file()))
+
+
+def _holds(run: RunFolder, scene: Scene, stages: Sequence[str]) -> bool:
+    """Whether all that is asked for lies there, from the same settings and with no file edited since."""
+    if not run.report_json.is_file() or not run.scene_yaml.is_file() or run.missing(scene, stages):
+        return False
+    settings = scene_settings(scene)
+    products: dict[str, str] = {}
+    for name in stages:
+        record, stage = run.records.get(name), stage_named(name)
+        if record is None or not run.is_untouched(stage) or record.changes(Needs.of(stage, settings, products)):
+            return False
+        products |= record.products
+    return True
+
+
+def _fill(
+    run: RunFolder, scene: Scene, stages: Sequence[str], recorder: RecordingProgress, *, since: str, again: bool
+) -> None:
     """Run the stages, and write the report however they end."""
     from phys4dgen.pipeline import animate_scene
     from phys4dgen.run.store import RunStore
 
     _use_threads(scene)
-    if not _kernels_are_compiled():
+    if not simulator_is_compiled():
         recorder.note("First run on this machine: the kernels are compiled once, which adds about half a minute.")
-    run.write_text(run.scene_yaml, dump_scene(scene))
-    store = RunStore(run, scene, recorder)
+    run.write_scene(scene)
+    store = RunStore(run, scene, recorder, since=since, again=again, only=since == "render")
     try:
         animate_scene(scene, store, until=stages[-1], progress=recorder)
     finally:
         recorder.end_stage()
-        finished = [stage for stage in stages if run.is_finished(stage)]
-        report = Report(
-            input=scene.input.as_posix(),
-            seed=scene.seed,
-            warnings=recorder.warnings,
-            notes=recorder.notes,
-            completed_until=finished[-1] if finished else "",
-            backends=store.backends,
-            stages=recorder.stages,
-            counts=store.counts,
-            metres_per_unit=store.asset.frame.metres_per_unit if store.asset is not None else None,
-            parts=store.parts,
-            **_sections(store.facts),
-        )
-        run.write_json(run.report_json, report.as_dict())
+        run.write_json(run.report_json, _report(scene, store, recorder, stages).as_dict())
+
+
+def _report(scene: Scene, store: RunStore, recorder: RecordingProgress, stages: Sequence[str]) -> Report:
+    finished = [stage for stage in stages if stage in store.finished]
+    return Report(
+        input=scene.input.as_posix(),
+        seed=scene.seed,
+        warnings=recorder.warnings,
+        notes=recorder.notes,
+        completed_until=finished[-1] if finished else "",
+        backends=store.backends,
+        stages=recorder.stages,
+        counts=store.counts,
+        metres_per_unit=store.asset.frame.metres_per_unit if store.asset is not None else None,
+        parts=store.parts,
+        **_sections(store.facts),
+    )
 
 
 _MOTION = ("preset", "held", "wind_up", "gust_ms2", "gust_s", "frequency_hz")
@@ -114,13 +199,6 @@ def _sections(facts: MotionFacts | None) -> dict[str, Any]:
         "history": {name: values.pop(name) for name in _HISTORY},
         "simulation": values,
     }
-
-
-def _kernels_are_compiled() -> bool:
-    """Whether Numba has cached kernels of this package, beside the sources or where NUMBA_CACHE_DIR says."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    places = [Path(__file__).parents[1], *([Path(chosen)] if chosen else [])]
-    return any(next(place.rglob("step.advance-*.nbi"), None) for place in places if place.is_dir())
 
 
 def _use_threads(scene: Scene) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from phys4dgen.errors import RunError
 from phys4dgen.export.inspection import inspect_splat
-from phys4dgen.run.folder import finished_stages
+from phys4dgen.run.state import finished_stages
 
 __all__ = ["inspect_path"]
 

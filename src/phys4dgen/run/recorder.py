@@ -15,10 +15,11 @@ _log = logging.getLogger("phys4dgen.run")
 
 @dataclass
 class StageTime:
-    """Wall-clock seconds of one stage."""
+    """Wall-clock seconds of one stage; of a reused one those that it took when it was made."""
 
     name: str
     seconds: float = 0.0
+    reused: bool = False
 
 
 class RecordingProgress:
@@ -45,8 +46,13 @@ class RecordingProgress:
         """Close the stage that is running, if any; a stage told twice adds up."""
         if self.stages:
             now = time.perf_counter()
-            self.stages[-1].seconds += now - self._began
+            if not self.stages[-1].reused:
+                self.stages[-1].seconds += now - self._began
             self._began = now
+
+    def reuse(self, seconds: float) -> None:
+        """The stage that is running takes over an earlier result, which took ``seconds``."""
+        self.stages[-1].seconds, self.stages[-1].reused = seconds, True
 
     def update(self, done: float, total: float, text: str = "") -> None:
         """Pass on; too frequent for the log."""

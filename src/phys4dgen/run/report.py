@@ -51,7 +51,7 @@ class Report:
         notes: counts, choices and predictions.
         completed_until: last stage that was asked for and reached.
         backends: what did each stage, stand-ins named as such.
-        stages: wall-clock seconds per stage.
+        stages: wall-clock seconds per stage, and whether it was reused.
         counts: gaussians, particles, parts, views, frames ...
         metres_per_unit: length of one unit of the input.
         parts: one entry per part.
@@ -86,6 +86,7 @@ class Report:
             "versions": versions(),
             "backends": dict(self.backends),
             "seconds": seconds,
+            "reused": [stage.name for stage in self.stages if stage.reused],
             "seconds_total": round(sum(seconds.values()), 3),
             "counts": dict(self.counts),
             "metres_per_unit": self.metres_per_unit,

@@ -1,18 +1,24 @@
-"""The stages of a run as users meet them (``--until``), what each depends on and which files it makes."""
+"""The stages of a run as users meet them (``--until``): what each depends on and which files it makes.
+
+A stage is made again when one of its needs has changed: a setting that it reads, a product of an earlier stage that
+it takes, or its own code. Products are compared by content, so an edit that changes nothing costs nothing further
+down (docs/decisions/0010-reuse-by-content.md).
+"""
 
 from __future__ import annotations
 
 import hashlib
-import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 from phys4dgen.errors import RunError, SceneError, did_you_mean
+from phys4dgen.run.code_stamp import code_stamp
 from phys4dgen.scene import Scene
 
-__all__ = ["STAGES", "Stage", "file_digest", "stage_digests", "stages_until"]
+__all__ = ["STAGES", "Needs", "Stage", "file_digest", "scene_settings", "stage_named", "stages_until"]
 
 
 @dataclass(frozen=True)
@@ -21,27 +27,135 @@ class Stage:
 
     Attributes:
         name: as in ``--until``.
-        settings: dotted keys of the scene that change its result, besides those of the stages before it.
-        files: what it makes in the run folder (glob patterns).
+        settings: keys of the scene, with all below them, that change its result.
+        ignores: patterns of keys below them that do not.
+        takes: products of earlier stages that it reads.
+        makes: products that later stages read.
+        code: files and folders of this package that it runs.
+        files: what it leaves in the run folder (glob patterns).
     """
 
     name: str
     settings: tuple[str, ...]
+    ignores: tuple[str, ...]
+    takes: tuple[str, ...]
+    makes: tuple[str, ...]
+    code: tuple[str, ...]
     files: tuple[str, ...]
 
 
+_ASSET = ("input", "up", "height_m", "longest_m")
+_SHARED_CODE = ("types", "formats", "render", "vector", "stages/asset.py", "stages/views.py")
+
 STAGES = (
-    Stage("views", ("up", "height_m", "longest_m", "seed", "views"), ("gaussians.ply", "views/*", "views/*/*")),
-    Stage("grouping", ("grouping",), ("groups.npz", "parts.png")),
-    Stage("interior", ("interior", "parts", "simulation.grid"), ("continuum.npz",)),
-    Stage("materials", ("materials",), ("materials.yaml",)),
-    Stage("simulate", ("motion", "forces", "gravity", "simulation"), ("trajectory.npz", "motion.json")),
-    Stage("render", ("output",), ("frames/*", "video.mp4", "video.webp", "preview.png", "contact_sheet.png")),
+    Stage(
+        "views",
+        settings=(*_ASSET, "views"),
+        ignores=(),
+        takes=(),
+        makes=("views",),
+        code=_SHARED_CODE,
+        files=("gaussians.ply", "views/*.png", "views/cameras.json"),
+    ),
+    Stage(
+        "grouping",
+        settings=(*_ASSET, "seed", "grouping"),
+        ignores=(),
+        takes=("views",),
+        makes=("parts", "part names"),
+        code=(*_SHARED_CODE, "grouping", "stages/grouping.py"),
+        files=("groups.npz", "parts.png"),
+    ),
+    Stage(
+        "interior",
+        settings=(*_ASSET, "seed", "interior", "parts", "simulation.grid"),
+        ignores=("parts.*.hold", "parts.*.material", "parts.*.interior_material"),
+        takes=("parts",),
+        makes=("particles",),
+        code=(*_SHARED_CODE, "interior", "stages/interior.py"),
+        files=("continuum.npz",),
+    ),
+    Stage(
+        "materials",
+        settings=(*_ASSET, "seed", "materials", "parts"),
+        ignores=("parts.*.hold",),
+        takes=("parts", "part names", "particles"),
+        makes=("materials",),
+        code=(*_SHARED_CODE, "materials", "stages/materials.py"),
+        files=("materials.yaml", ".identified.yaml"),
+    ),
+    Stage(
+        "simulate",
+        settings=(*_ASSET, "parts", "motion", "forces", "gravity", "boundaries", "simulation"),
+        ignores=("parts.*.material", "parts.*.interior_material", "simulation.threads"),
+        takes=("parts", "part names", "particles", "materials"),
+        makes=("motion",),
+        code=(*_SHARED_CODE, "mpm", "body.py", "motion.py", "animate", "stages/motion.py", "stages/motion_facts.py"),
+        files=("trajectory.npz", "motion.json"),
+    ),
+    Stage(
+        "render",
+        settings=("input", "up", "output", "simulation.fps"),
+        ignores=(),
+        takes=("motion",),
+        makes=(),
+        code=(*_SHARED_CODE, "animate", "export", "stages/film.py"),
+        files=("frames/frame_*.ply", "video.mp4", "video.webp", "preview.png", "contact_sheet.png"),
+    ),
 )
 """In the order in which they run."""
 
-_WITHOUT_EFFECT = ("simulation.threads",)
-"""Settings that change how fast a result comes, not the result."""
+_LISTED = {key.split(".")[0] for stage in STAGES for key in stage.settings}
+
+
+@dataclass(frozen=True)
+class Needs:
+    """Everything that the result of one stage follows from.
+
+    Attributes:
+        settings: value by dotted key of the scene; of files that it names the digest of the content.
+        products: digest by name of product taken.
+        code: stamp of the stage's code.
+    """
+
+    settings: Mapping[str, Any]
+    products: Mapping[str, str]
+    code: str
+
+    @classmethod
+    def of(cls, stage: Stage, settings: Mapping[str, Any], products: Mapping[str, str]) -> Needs:
+        """What ``stage`` needs.
+
+        Args:
+            stage: the stage.
+            settings: of the whole scene, from ``scene_settings``.
+            products: digests of what the earlier stages made.
+        """
+        return cls(
+            {key: value for key, value in settings.items() if _concerns(stage, key)},
+            {name: products[name] for name in stage.takes},
+            code_stamp(stage.code),
+        )
+
+    def changed_settings(self, before: Needs) -> list[str]:
+        """Keys of the scene that differ from ``before``, each with both values."""
+        keys = dict.fromkeys((*self.settings, *before.settings))
+        absent = "not given"
+        pairs = {key: (before.settings.get(key, absent), self.settings.get(key, absent)) for key in keys}
+        return [_said(key, *values) for key, values in pairs.items() if values[0] != values[1]]
+
+    def changes(self, before: Needs) -> list[str]:
+        """Why a result made from ``before`` does not hold any more, one phrase each; empty where it does."""
+        products = [
+            f"the {name} changed" for name, digest in self.products.items() if before.products.get(name) != digest
+        ]
+        code = ["phys4dgen itself changed"] if self.code != before.code else []
+        return [*self.changed_settings(before), *products, *code]
+
+
+def stage_named(name: str) -> Stage:
+    """The stage of that name."""
+    return next(stage for stage in STAGES if stage.name == name)
 
 
 def stages_until(name: str | None) -> tuple[str, ...]:
@@ -71,36 +185,45 @@ def file_digest(path: Path) -> str:
         raise RunError(f"{path}: cannot read the file: {error.strerror or error}.") from error
 
 
-def stage_digests(scene: Scene, *, version: str) -> dict[str, str]:
-    """What each stage's result depends on, as one digest per stage: two runs of equal digest give equal files.
+def scene_settings(scene: Scene) -> dict[str, Any]:
+    """Every leaf of the scene by its dotted key; the files that it names are read and stand as their digests.
 
-    Args:
-        scene: the scene asked for; the files that it names are read.
-        version: of phys4dgen.
+    Raises:
+        RunError: one of the files cannot be read.
     """
-    tree = scene.model_dump(mode="json")
-    files = {"input": scene.input, "labels": scene.grouping.labels_file, "materials": scene.materials.file}
-    contents = {name: file_digest(path) for name, path in files.items() if path is not None}
-    tree["grouping"]["labels_file"] = contents.get("labels")
-    tree["materials"]["file"] = contents.get("materials")
-    digest = hashlib.sha256(f"{version} {contents['input']}".encode())
-    digests: dict[str, str] = {}
-    for key in _WITHOUT_EFFECT:
-        _pop(tree, key)
-    for stage in STAGES:
-        chosen = {key: _get(tree, key) for key in stage.settings}
-        digest.update(json.dumps([stage.name, chosen], sort_keys=True).encode())
-        digests[stage.name] = digest.copy().hexdigest()
-    return digests
+    leaves = dict(_leaves(scene.model_dump(mode="json")))
+    for key, path in (
+        ("input", scene.input),
+        ("grouping.labels_file", scene.grouping.labels_file),
+        ("materials.file", scene.materials.file),
+    ):
+        if path is not None:
+            leaves[key] = file_digest(path)
+    return leaves
 
 
-def _get(tree: Mapping[str, Any], dotted: str) -> Any:
-    value: Any = tree
-    for key in dotted.split("."):
-        value = value[key]
-    return value
+def _leaves(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, Mapping):
+        for key, child in value.items():
+            yield from _leaves(child, (*path, str(key)))
+    else:
+        yield ".".join(path), value
 
 
-def _pop(tree: dict[str, Any], dotted: str) -> None:
-    *path, last = dotted.split(".")
-    _get(tree, ".".join(path)).pop(last)
+def _concerns(stage: Stage, key: str) -> bool:
+    """Whether a stage reads a key; one that no stage lists is taken to concern all."""
+    if key.split(".")[0] not in _LISTED:
+        return True
+    listed = any(key == prefix or key.startswith(f"{prefix}.") for prefix in stage.settings)
+    return listed and not any(fnmatchcase(key, pattern) for pattern in stage.ignores)
+
+
+def _said(key: str, before: Any, now: Any) -> str:
+    if key in ("input", "grouping.labels_file", "materials.file"):
+        return f"the file of {key} changed"
+    return f"{key} is {_short(now)} and was {_short(before)}"
+
+
+def _short(value: Any) -> str:
+    text = str(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,23 +1,23 @@
-"""Keeps what the stages make in a run folder, and recalls what an earlier run of the same settings has made."""
+"""Keeps what the stages make in a run folder, and recalls what an earlier run has made from the same."""
 
 from __future__ import annotations
 
+import functools
 import json
+import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import RunError
-from phys4dgen.export.frames import FrameWriter, remove_frames_from
-from phys4dgen.export.pictures import contact_sheet, evenly_spaced, parts_picture, write_png
+from phys4dgen.export.pictures import parts_picture, write_png
 from phys4dgen.export.trajectory import read_trajectory, trajectory_writer
-from phys4dgen.export.video import write_video
 from phys4dgen.formats import save_gaussians
 from phys4dgen.interior import Interior
-from phys4dgen.materials import write_materials
+from phys4dgen.materials import read_materials, write_materials
 from phys4dgen.render.views import render_labels
 from phys4dgen.run.artefacts import (
     read_groups,
@@ -27,19 +27,30 @@ from phys4dgen.run.artefacts import (
     write_part_maps,
     write_views,
 )
+from phys4dgen.run.digests import MotionDigest, book_products, interior_products, needs_digest, parts_products
+from phys4dgen.run.film_files import Frames, write_film
 from phys4dgen.run.folder import RunFolder
+from phys4dgen.run.material_edits import edited_materials, with_edits
 from phys4dgen.run.prediction import predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import PartReport, part_reports
-from phys4dgen.scene import Scene, dump_scene
+from phys4dgen.run.stages import STAGES, Needs, scene_settings, stage_named
+from phys4dgen.run.state import StageRecord
+from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.film import Film
 from phys4dgen.stages.interior import settled_thickness
 from phys4dgen.stages.motion import Motion
 from phys4dgen.stages.motion_facts import MotionFacts
-from phys4dgen.types import Masks, MaterialBook, Parts, Views
+from phys4dgen.types import Masks, Material, MaterialBook, Parts, Views
 
-__all__ = ["RunStore"]
+__all__ = ["RunStore", "recalled_motion"]
+
+MaterialOf = tuple[str, str]
+"""Name of a part, and surface or interior."""
+
+Recalled = tuple[Callable[[], Any], Mapping[str, str]]
+"""What returns the result, and the digests of what it holds."""
 
 
 @dataclass
@@ -49,40 +60,79 @@ class RunStore:
     Attributes:
         run: the folder, claimed.
         scene: what was asked for.
-        progress: told about stages that are recalled.
-        asset: the object, once a stage has been kept or recalled.
+        progress: told what is reused, and why something is made again.
+        since: first stage that this command means to make; those before it hold although phys4dgen itself changed.
+        again: make ``since`` again although nothing has changed.
+        only: refuse to make a stage before ``since``.
         counts: gaussians, particles, parts ... for the report.
         backends: what did each stage.
         parts: the parts in numbers.
         facts: what the simulation decided and found.
+        asset: the object, once it is read.
     """
 
     run: RunFolder
     scene: Scene
     progress: RecordingProgress
-    asset: Asset | None = None
+    since: str = STAGES[0].name
+    again: bool = False
+    only: bool = False
     counts: dict[str, int] = field(default_factory=dict)
     backends: dict[str, str] = field(default_factory=dict)
     parts: list[PartReport] = field(default_factory=list)
     facts: MotionFacts | None = None
-    _interior: Interior | None = None
+    asset: Asset | None = None
+    _settings: dict[str, Any] = field(default_factory=dict)
+    _products: dict[str, str] = field(default_factory=dict)
+    _made: dict[str, Callable[[], Any]] = field(default_factory=dict)
+    _needs: dict[str, Needs] = field(default_factory=dict)
+    _began: float = 0.0
 
-    def recall(self, stage: str, inputs: Mapping[str, Any]) -> Any | None:
-        """What ``stage`` made in an earlier run, or None where it is quicker or necessary to make it again."""
-        recall: Callable[[], Any] | None = {
-            "grouping": self._recall_grouping,
-            "interior": self._recall_interior,
-            "simulate": self._recall_motion,
-        }.get(stage)
-        if recall is None or not self.run.is_finished(stage):
+    @property
+    def finished(self) -> set[str]:
+        """Stages that this command has made or reused."""
+        return set(self._made)
+
+    # --------------------------------------------------------------------------------------------- the protocol
+
+    def begin(self, asset: Asset) -> None:
+        """The object whose stages follow."""
+        self.asset = asset
+        self._settings = scene_settings(self.scene)
+        self.counts["gaussians"] = len(asset.gaussians)
+
+    def recall(self, stage: str, make: Callable[[], Any]) -> Callable[[], Any] | None:
+        """Returns what ``stage`` made in an earlier run, or is None where it has to be made (again)."""
+        needs = self._needs[stage] = Needs.of(stage_named(stage), self._settings, self._products)
+        record = self.run.records.get(stage)
+        reasons = self._reasons(stage, needs, record)
+        if reasons or record is None:
+            if self.only and stage != self.since:
+                raise RunError(
+                    f"{self.run.root}: '{stage}' is not up to date, because {' and '.join(reasons)}; "
+                    f"'phys4dgen simulate {self.run.root}' makes what is missing."
+                )
+            if record is not None:
+                self.progress.note(f"{stage}: made again, because {' and '.join(reasons)}.")
+            self._began = time.perf_counter()
             return None
-        for warning in self.run.warnings_of(stage):
+        readers: Mapping[str, Callable[[StageRecord], Recalled]] = {
+            "views": lambda record: (functools.cache(make), record.products),
+            "grouping": self._read_grouping,
+            "interior": self._read_interior,
+            "materials": self._read_materials,
+            "simulate": self._read_motion,
+            "render": lambda record: (lambda: True, record.products),
+        }
+        self.progress.note(f"{stage}: reused, for nothing that it depends on has changed.")
+        self.progress.reuse(record.seconds)
+        for warning in record.warnings:
             self.progress.warn(warning)
-        return recall()
+        return self._settle(stage, *readers[stage](record), record)
 
-    def keep(self, stage: str, result: Any, inputs: Mapping[str, Any]) -> Any:
-        """Write the result of ``stage``; the motion is replaced by one that reads its frames from disk."""
-        keep: Mapping[str, Callable[[Any, Mapping[str, Any]], Any]] = {
+    def keep(self, stage: str, result: Any) -> Callable[[], Any]:
+        """Write the result of ``stage``; what was written stands for it, so that a resumed run sees the same."""
+        keepers: Mapping[str, Callable[[Any], Recalled]] = {
             "views": self._keep_views,
             "grouping": self._keep_grouping,
             "interior": self._keep_interior,
@@ -90,25 +140,54 @@ class RunStore:
             "simulate": self._keep_motion,
             "render": self._keep_film,
         }
-        kept = keep[stage](result, inputs)
-        self.run.finish(stage, warnings=self.progress.stage_warnings)
-        return kept
+        value, products = keepers[stage](result)
+        record = StageRecord(
+            self._needs[stage],
+            products,
+            chosen=self._choices() if stage == "simulate" else {},
+            warnings=tuple(self.progress.stage_warnings),
+            seconds=time.perf_counter() - self._began,
+        )
+        return self._settle(stage, value, products, record)
 
-    def _keep_views(self, views: Views, inputs: Mapping[str, Any]) -> Views:
-        asset: Asset = inputs["asset"]
+    def _settle(
+        self, stage: str, value: Callable[[], Any], products: Mapping[str, str], record: StageRecord
+    ) -> Callable[[], Any]:
+        """Note what later stages and the report ask for, and record the stage as its files now are."""
+        self._made[stage] = value
+        self._products |= products
+        if stage == "materials":
+            self._describe_parts()
+        self.run.finish(stage_named(stage), replace(record, products=dict(products)))
+        return value
+
+    def _reasons(self, stage: str, needs: Needs, record: StageRecord | None) -> list[str]:
+        """Why a stage has to be made, one phrase each; empty where its result holds."""
+        if record is None:
+            return ["it was never finished"]
+        if self.run.missing(self.scene, [stage]):
+            return ["some of its files are missing"]
+        names = [entry.name for entry in STAGES]
+        if names.index(stage) < names.index(self.since) and needs.code != record.needs.code:
+            self.progress.note(f"{stage}: made by another version of phys4dgen; 'generate' would make it again.")
+            needs = replace(needs, code=record.needs.code)
+        return record.changes(needs) or (["it was asked for"] if self.again and stage == self.since else [])
+
+    # ------------------------------------------------------------------------------------------ views and parts
+
+    def _keep_views(self, views: Views) -> Recalled:
+        asset = self._object()
         needed = predicted_bytes(self.scene, asset.gaussians)
         self.run.require_space(needed)
         self.progress.note(f"The whole run takes about {needed / 1e6:,.0f} MB of disk.")
-        self.asset = asset
-        self.counts |= {"gaussians": len(asset.gaussians), "views": len(views)}
+        self.counts["views"] = len(views)
         save_gaussians(asset.gaussians, self.run.gaussians_ply)
         write_views(self.run, views, frame=asset.frame)
-        return views
+        return lambda: views, {"views": needs_digest(self._needs["views"])}
 
-    def _keep_grouping(self, parts: Parts, inputs: Mapping[str, Any]) -> Parts:
-        self._count_parts(parts)
-        views: Views = inputs["views"]
-        gaussians = inputs["asset"].gaussians
+    def _keep_grouping(self, parts: Parts) -> Recalled:
+        views: Views = self._made["views"]()
+        gaussians = self._object().gaussians
         maps = np.stack([render_labels(gaussians, parts.labels, camera) for camera in views.cameras])
         write_groups(self.run, parts)
         write_part_maps(self.run, Masks(labels=maps))
@@ -120,100 +199,134 @@ class RunStore:
             shares=[float((parts.labels == number).mean()) for number in range(parts.count)],
         )
         write_png(picture, self.run.parts_png)
-        return parts
+        return self._read_grouping()
 
-    def _recall_grouping(self) -> Parts:
+    def _read_grouping(self, _record: StageRecord | None = None) -> Recalled:
         parts = read_groups(self.run)
-        self._count_parts(parts)
-        return parts
-
-    def _count_parts(self, parts: Parts) -> None:
         self.counts["parts"] = parts.count
         self.backends["grouping"] = parts.backend
+        return lambda: parts, parts_products(parts)
 
-    def _keep_interior(self, interior: Interior, _inputs: Mapping[str, Any]) -> Interior:
-        self._count_particles(interior)
-        write_interior(self.run, interior)
-        return interior
+    # ------------------------------------------------------------------------------------- inside and materials
 
-    def _recall_interior(self) -> Interior:
+    def _keep_interior(self, interior: Interior) -> Recalled:
+        write_interior(self.run, interior, settled=interior.continuum)
+        return self._read_interior()
+
+    def _read_interior(self, _record: StageRecord | None = None) -> Recalled:
         interior = read_interior(self.run)
-        self._count_particles(interior)
-        return interior
-
-    def _count_particles(self, interior: Interior) -> None:
-        self._interior = interior
         self.counts["particles"] = len(interior.continuum)
         self.backends["interior"] = "carving and density"
+        return lambda: interior, interior_products(interior.continuum)
 
-    def _keep_materials(self, book: MaterialBook, inputs: Mapping[str, Any]) -> MaterialBook:
-        assert self._interior is not None
-        parts: Parts = inputs["parts"]
-        continuum = settled_thickness(self.scene, inputs["asset"], parts, self._interior.continuum, book)
-        # Materials settle the thicknesses that could not be measured, so volumes are final only now.
-        write_interior(self.run, replace(self._interior, continuum=continuum))
-        write_materials(self.run.materials_yaml, book)
-        self.parts = part_reports(parts, continuum, book)
+    def _keep_materials(self, book: MaterialBook) -> Recalled:
+        edits = edited_materials(self.run.materials_yaml, self.run.identified_yaml)
+        kept = self._still_meant(edits, book)
+        write_materials(self.run.identified_yaml, book)
+        write_materials(self.run.materials_yaml, with_edits(book, kept))
+        return self._read_materials()
+
+    def _read_materials(self, _record: StageRecord | None = None) -> Recalled:
+        edits = edited_materials(self.run.materials_yaml, self.run.identified_yaml)
+        for part in dict.fromkeys(part for part, _ in edits):
+            self.progress.note(f"materials: part '{part}' is taken from materials.yaml as edited.")
+        book = with_edits(MaterialBook(read_materials(self.run.identified_yaml)), edits)
         self.backends["materials"] = ", ".join(dict.fromkeys(entry.surface.source for entry in book.parts.values()))
-        return book
+        return lambda: book, book_products(book)
 
-    def _keep_motion(self, motion: Motion, inputs: Mapping[str, Any]) -> Motion:
-        count = len(inputs["asset"].gaussians)
+    def _still_meant(self, edits: Mapping[MaterialOf, Material], book: MaterialBook) -> dict[MaterialOf, Material]:
+        """The edits of parts that are still there and of which the scene says nothing new."""
+        record = self.run.records.get("materials")
+        before = {} if record is None else record.needs.settings
+        kept = {}
+        for (part, side), edited in edits.items():
+            keys = [f"parts.{part}.material", f"parts.{part}.interior_material"]
+            if part not in book.parts:
+                self.progress.warn(f"What materials.yaml said of part '{part}' is dropped: there is no such part now.")
+            elif any(before.get(key) != self._settings.get(key) for key in keys):
+                self.progress.note(f"The material that the scene now names for '{part}' replaces the edited one.")
+            else:
+                kept[part, side] = edited
+        return kept
+
+    def _describe_parts(self) -> None:
+        """Numbers of the parts; materials settle the thicknesses that could not be measured, so they come now."""
+        parts: Parts = self._made["grouping"]()
+        interior: Interior = self._made["interior"]()
+        book: MaterialBook = self._made["materials"]()
+        settled = settled_thickness(self.scene, self._object(), parts, interior.continuum, book)
+        write_interior(self.run, interior, settled=settled)
+        self.run.refresh(stage_named("interior"))
+        self.parts = part_reports(parts, settled, book)
+
+    # ---------------------------------------------------------------------------------------- motion and film
+
+    def _keep_motion(self, motion: Motion) -> Recalled:
+        count = len(self._object().gaussians)
+        digest = MotionDigest(motion.times_s)
         with trajectory_writer(self.run.trajectory_npz, times_s=motion.times_s, gaussian_count=count) as append:
             for positions, gradients in motion.frames():
                 append(positions, gradients)
+                digest.add(positions, gradients)
         self.run.write_json(self.run.motion_json, motion.facts)
-        return self._motion_on_disk(motion.facts)
+        return self._motion_on_disk(digest.products())
 
-    def _recall_motion(self) -> Motion:
-        return self._motion_on_disk(MotionFacts(**json.loads(self.run.motion_json.read_text("utf-8"))))
-
-    def _motion_on_disk(self, facts: MotionFacts) -> Motion:
-        self.facts = facts
-        self.backends["simulate"] = "MLS-MPM, explicit SIMD on CPU"
+    def _read_motion(self, record: StageRecord) -> Recalled:
+        if self.run.is_untouched(stage_named("simulate")):
+            return self._motion_on_disk(record.products)
         trajectory = read_trajectory(self.run.trajectory_npz)
-        self.counts["frames"] = trajectory.frame_count
+        digest = MotionDigest(trajectory.times_s)
+        for positions, gradients in zip(trajectory.positions, trajectory.deformation_gradients, strict=True):
+            digest.add(positions, gradients)
+        return self._motion_on_disk(digest.products())
 
-        def frames() -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-            yield from zip(trajectory.positions, trajectory.deformation_gradients, strict=True)
+    def _motion_on_disk(self, products: Mapping[str, str]) -> Recalled:
+        written = json.loads(self.run.motion_json.read_text("utf-8"))
+        known = [entry.name for entry in fields(MotionFacts)]  # another version may have written others
+        facts = self.facts = MotionFacts(**{name: value for name, value in written.items() if name in known})
+        self.backends["simulate"] = "MLS-MPM, explicit SIMD on CPU"
+        self.counts["frames"] = self.scene.frame_count
+        self.run.write_scene(self.scene.with_overrides(self._choices()))
+        return functools.cache(lambda: recalled_motion(self.run, facts)), products
 
-        chosen: dict[str, Any] = {"motion.preset": facts.preset}
-        if facts.preset == "sway":
-            chosen["motion.acceleration_ms2"] = facts.gust_ms2
-        self.run.write_text(self.run.scene_yaml, dump_scene(self.scene.with_overrides(chosen)))
-        return Motion(trajectory.times_s, frames, facts)
+    def _choices(self) -> dict[str, Any]:
+        """Settings that the simulation chose, by key of the scene."""
+        assert self.facts is not None
+        chosen: dict[str, Any] = {"motion.preset": self.facts.preset}
+        if self.facts.preset == "sway":
+            chosen["motion.acceleration_ms2"] = self.facts.gust_ms2
+        return chosen
 
-    def _keep_film(self, film: Film, inputs: Mapping[str, Any]) -> bool:
-        asset: Asset = inputs["asset"]
-        on_sheet = evenly_spaced(len(film.times_s))
-        stills: dict[int, NDArray[np.uint8]] = {}
-        writer = FrameWriter(asset.gaussians, self.run.frames) if self.scene.output.frames == "ply" else None
+    def _keep_film(self, film: Film) -> Recalled:
+        self.backends["render"] = write_film(
+            film, self.run, self._object().gaussians, frames=self._frames_to_write(), progress=self.progress
+        )
+        return lambda: True, {}
 
-        def images() -> Iterator[NDArray[np.uint8]]:
-            for frame in film.frames():
-                if writer is not None:
-                    writer.write(
-                        frame.index,
-                        means=frame.means,
-                        quats_wxyz=frame.quats_wxyz,
-                        scales=frame.scales,
-                        rotations=frame.rotations if frame.index else None,
-                    )
-                if frame.index in on_sheet:
-                    stills[frame.index] = frame.image
-                yield frame.image
+    def _frames_to_write(self) -> Frames:
+        """New, kept as they are (the motion is the same and only the film changes), or none."""
+        if self.scene.output.frames == "none":
+            return "none"
+        record, needs = self.run.records.get("render"), self._needs["render"]
+        if record is None or self.run.missing(self.scene, ["render"]):
+            return "new"
+        same = record.needs.products == needs.products and record.needs.code == needs.code
+        same = same and all(record.needs.settings.get(key) == needs.settings[key] for key in ("input", "output.frames"))
+        return "kept" if same and not self.again else "new"
 
-        path, warnings = write_video(images(), self.run.video_mp4, fps=film.fps)
-        for warning in warnings:
-            self.progress.warn(warning)
-        self.backends["render"] = f"CPU rasteriser, {'H.264' if path.suffix == '.mp4' else 'WebP'}"
-        remove_frames_from(self.run.frames, len(film.times_s) if writer is not None else 0)
-        if not stills:
-            raise RunError(f"{self.run.video_mp4}: the film has no frames.")
-        sheet = contact_sheet([stills[k] for k in on_sheet], [float(film.times_s[k]) for k in on_sheet])
-        write_png(sheet, self.run.contact_sheet_png)
-        write_png(stills[on_sheet[min(1, len(on_sheet) - 1)]], self.run.preview_png)
-        return True
+    def _object(self) -> Asset:
+        assert self.asset is not None
+        return self.asset
+
+
+def recalled_motion(run: RunFolder, facts: MotionFacts) -> Motion:
+    """The motion that lies in a run folder."""
+    trajectory = read_trajectory(run.trajectory_npz)
+
+    def frames() -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
+        yield from zip(trajectory.positions, trajectory.deformation_gradients, strict=True)
+
+    return Motion(trajectory.times_s, frames, facts)
 
 
 def _eight_bit(values: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -228,6 +228,8 @@ class Video(_Section):
     """pixels; auto: from the object's shape"""
     orbit_deg: Annotated[float, Field(ge=-3600, le=3600)] = 60.0
     """how far the camera travels round the object during the film"""
+    azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = 0.0
+    """where the middle of that path lies, counterclockwise seen from above; 0: the view from -y of the z-up axes"""
     elevation_deg: Annotated[float, Field(ge=-89, le=89)] = 12.0
     """of the camera above the horizon"""
     fps: Auto | Annotated[float, Field(ge=1, le=240)] = "auto"

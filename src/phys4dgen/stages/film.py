@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,15 +29,16 @@ class FilmFrame:
     Attributes:
         index: from 0.
         image: [H, W, 3], uint8.
-        means, quats_wxyz, scales, rotations: of all Gaussians; rotations turn the colours.
+        means, rotations: of all Gaussians; rotations turn the colours.
+        axes: returns quaternions (w, x, y, z) and scales; to be asked of every frame in order, or of none, because
+            the axes of a frame continue those of the frame before.
     """
 
     index: int
     image: NDArray[np.uint8]
     means: NDArray[np.float32]
-    quats_wxyz: NDArray[np.float32]
-    scales: NDArray[np.float32]
     rotations: NDArray[np.float32]
+    axes: Callable[[], tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,7 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress) -> Film
         height=height,
         orbit_deg=wanted.orbit_deg,
         elevation_deg=wanted.elevation_deg,
+        azimuth_deg=wanted.azimuth_deg,
     )
     gaussians = asset.gaussians
 
@@ -86,7 +89,6 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress) -> Film
         deformer, tracker, rasteriser = Deformer(gaussians), AxisTracker(gaussians), Rasteriser()
         for k, (positions, gradients) in enumerate(motion.frames()):
             rotations, covariances6 = deformer.deform(gradients)
-            quats, scales = tracker.advance(gradients)
             picture = rasteriser.render(
                 positions,
                 covariances6,
@@ -97,7 +99,7 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress) -> Film
                 background=_BACKGROUNDS[wanted.background],
             )
             image = np.rint(np.clip(picture.rgb, 0, 1) * 255).astype(np.uint8)
-            yield FilmFrame(k, image, positions, quats, scales, rotations)
+            yield FilmFrame(k, image, positions, rotations, partial(tracker.advance, gradients))
             progress.update(k + 1, len(cameras), "frames rendered")
 
     fps = scene.simulation.fps if isinstance(wanted.fps, str) else wanted.fps

@@ -1,0 +1,62 @@
+"""What the commands that work in a run folder share: the log, the result's paths, and what Ctrl-C leaves."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from phys4dgen.cli.arguments import Arguments
+from phys4dgen.cli.console import console_progress
+from phys4dgen.progress import Progress
+
+if TYPE_CHECKING:
+    from phys4dgen.run.generate import Run
+
+__all__ = ["work"]
+
+
+def work(arguments: Arguments, folder: Path, job: Callable[[Progress], Run | list[Path]]) -> int:
+    """Run a job on a run folder; returns the exit code.
+
+    Args:
+        arguments: of the command.
+        folder: the run folder.
+        job: does it, and returns the run or the files that people look at first.
+    """
+    options = arguments.options
+    _show_log(options.verbose)
+    try:
+        with console_progress(quiet=options.quiet) as progress:
+            made = job(progress)
+    except KeyboardInterrupt:
+        sys.stderr.write(f"phys4dgen: {_after_interrupt(folder)}\n")
+        return 130
+    results = made if isinstance(made, list) else made.results
+    if not options.quiet:
+        sys.stdout.write("\n".join(str(path) for path in results) + "\n")
+    return 0
+
+
+def _after_interrupt(folder: Path) -> str:
+    """What is usable after Ctrl-C, and how to go on."""
+    from phys4dgen.run.state import finished_stages
+
+    finished = finished_stages(folder)
+    if not finished:
+        return f"interrupted; {folder} is not usable yet; run the same command again to start over."
+    return (
+        f"interrupted; the stages {', '.join(finished)} are complete in {folder}; "
+        f"run the same command again, or 'phys4dgen simulate {folder}', to continue."
+    )
+
+
+def _show_log(verbose: int) -> None:
+    """Let the library's log reach stderr as far as asked for."""
+    if verbose:
+        handler = logging.StreamHandler()
+        handler.setLevel(logging.INFO if verbose == 1 else logging.DEBUG)
+        handler.setFormatter(logging.Formatter("%(name)s: %(message)s"))
+        logging.getLogger("phys4dgen").addHandler(handler)

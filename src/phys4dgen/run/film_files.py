@@ -1,0 +1,68 @@
+"""The film as files: video, pictures of it, and one PLY per frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.errors import RunError
+from phys4dgen.export.frames import FrameWriter, remove_frames_from
+from phys4dgen.export.pictures import contact_sheet, evenly_spaced, write_png
+from phys4dgen.export.video import write_video
+from phys4dgen.progress import Progress
+from phys4dgen.run.folder import RunFolder
+from phys4dgen.stages.film import Film
+from phys4dgen.types import Gaussians
+
+__all__ = ["Frames", "write_film"]
+
+Frames = Literal["new", "kept", "none"]
+"""What happens to frames/: written anew, left as they are, or removed."""
+
+
+def write_film(film: Film, run: RunFolder, gaussians: Gaussians, *, frames: Frames, progress: Progress) -> str:
+    """Render the film into a run folder; returns what encoded it, for the report.
+
+    Args:
+        film: what is rendered.
+        run: the folder, claimed.
+        gaussians: the static object.
+        frames: see ``Frames``.
+        progress: told what went otherwise than asked for.
+
+    Raises:
+        RunError: a file cannot be written.
+    """
+    on_sheet = evenly_spaced(len(film.times_s))
+    stills: dict[int, NDArray[np.uint8]] = {}
+    writer = FrameWriter(gaussians, run.frames) if frames == "new" else None
+    if frames != "kept":
+        remove_frames_from(run.frames, 0)  # or an interrupted film would leave two motions side by side
+
+    def images() -> Iterator[NDArray[np.uint8]]:
+        for frame in film.frames():
+            if writer is not None:
+                quats_wxyz, scales = frame.axes()
+                writer.write(
+                    frame.index,
+                    means=frame.means,
+                    quats_wxyz=quats_wxyz,
+                    scales=scales,
+                    rotations=frame.rotations if frame.index else None,
+                )
+            if frame.index in on_sheet:
+                stills[frame.index] = frame.image
+            yield frame.image
+
+    path, warnings = write_video(images(), run.video_mp4, fps=film.fps)
+    for warning in warnings:
+        progress.warn(warning)
+    if not stills:
+        raise RunError(f"{run.video_mp4}: the film has no frames.")
+    sheet = contact_sheet([stills[k] for k in on_sheet], [float(film.times_s[k]) for k in on_sheet])
+    write_png(sheet, run.contact_sheet_png)
+    write_png(stills[on_sheet[min(1, len(on_sheet) - 1)]], run.preview_png)
+    return f"CPU rasteriser, {'H.264' if path.suffix == '.mp4' else 'WebP'}"

@@ -1,0 +1,188 @@
+"""An edit redoes what depends on it, and nothing else; what a person wrote survives; an overlay changes nothing."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phys4dgen.errors import RunError
+from phys4dgen.export.trajectory import read_trajectory
+from phys4dgen.formats import save_gaussians
+from phys4dgen.materials import read_materials
+from phys4dgen.run.generate import continue_run, generate, scene_of_run
+from phys4dgen.run.state import finished_stages
+from phys4dgen.scene import Scene
+from phys4dgen.types import Gaussians
+
+NAMES = ("views", "grouping", "interior", "materials", "simulate", "render")
+
+
+def lollipop():
+    """A ball on a stick that stands in a block, 1,500 small Gaussians, z up, 0.2 m tall."""
+    rng = np.random.default_rng(4)
+    block = rng.uniform([-0.03, -0.03, 0], [0.03, 0.03, 0.04], (500, 3))
+    stick = np.column_stack([rng.normal(0, 0.003, (500, 2)), rng.uniform(0.03, 0.15, 500)])
+    ball = rng.normal(size=(500, 3))
+    ball = [0, 0, 0.17] + 0.03 * ball / np.linalg.norm(ball, axis=1, keepdims=True)
+    colors = np.repeat([[0.6, 0.3, 0.2], [0.9, 0.9, 0.9], [0.9, 0.1, 0.2]], 500, axis=0)
+    gaussians = Gaussians(
+        means=np.concatenate([block, stick, ball]),
+        quats_wxyz=np.tile([1, 0, 0, 0], (1500, 1)),
+        scales=np.full((1500, 3), 0.004),
+        opacities=np.full(1500, 0.95),
+        sh=((colors - 0.5) / 0.28209479)[:, None],
+    )
+    return gaussians, np.repeat([0, 1, 2], 500).astype(np.int32)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    gaussians, labels = lollipop()
+    folder = tmp_path_factory.mktemp("input")
+    save_gaussians(gaussians, folder / "lollipop.ply")
+    np.savez(folder / "labels.npz", labels=labels, names=np.array(["block", "stick", "ball"]))
+    return Scene(input=folder / "lollipop.ply").with_overrides(
+        {
+            "up": "z",
+            "height_m": 0.2,
+            "grouping.labels_file": folder / "labels.npz",
+            "parts.block.hold": "fixed",
+            "simulation.grid": 16,
+            "simulation.duration_s": 0.25,
+            "simulation.max_substeps": 60,
+            "simulation.chunks": 1,
+            "simulation.threads": 1,
+            "views.size_px": 64,
+            "output.video.width": 96,
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def undisturbed(scene, tmp_path_factory):
+    return generate(scene, tmp_path_factory.mktemp("undisturbed") / "run")
+
+
+@pytest.fixture
+def run(undisturbed, tmp_path):
+    """A copy, to be edited."""
+    shutil.copytree(undisturbed.root, tmp_path / "run")
+    return replace(undisturbed, root=tmp_path / "run")
+
+
+def reused(run):
+    return run.report["reused"]
+
+
+def notes_on(run, stage):
+    return [note for note in run.report["notes"] if note.startswith(f"{stage}: ")]
+
+
+def edit_material(run, part, key, value):
+    """What a person does in an editor: change one line of materials.yaml."""
+    path = run.root / "materials.yaml"
+    lines = path.read_text("utf-8").splitlines()
+    start = next(i for i, line in enumerate(lines) if line.strip() == f"{part}:")
+    at = next(i for i in range(start, len(lines)) if lines[i].strip().startswith(f"{key}:"))
+    lines[at] = f"{lines[at].split(':')[0]}: {value}"
+    path.write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def test_edits_redo_what_depends_on_them(run):
+    assert reused(run) == []
+    before = read_trajectory(run.root / "trajectory.npz").positions
+    again = continue_run(run.root, since="simulate")
+    assert again.report == run.report  # nothing was to be done
+
+    edit_material(run, "ball", "density_kgm3", 1234.0)
+    heavier = continue_run(run.root, since="simulate")
+    assert reused(heavier) == ["views", "grouping", "interior", "materials"]
+    assert "the materials changed" in notes_on(heavier, "simulate")[0]
+    assert "the motion changed" in notes_on(heavier, "render")[0]
+    book = read_materials(run.root / "materials.yaml")
+    assert book["ball"].surface.density_kgm3 == 1234
+    ball = next(part for part in heavier.report["parts"] if part["name"] == "ball")
+    assert (ball["surface"]["density_kgm3"], ball["surface"]["source"]) == (1234, "user")
+    after = read_trajectory(run.root / "trajectory.npz").positions
+    assert (after != before).any()
+
+    scene_yaml = run.root / "scene.yaml"
+    text = scene_yaml.read_text("utf-8").replace("width: 96", "width: 128  # for the poster")
+    scene_yaml.write_text(text, "utf-8")
+    frame = run.root / "frames" / "frame_0003.ply"
+    written = frame.stat().st_mtime_ns
+    wider = continue_run(run.root, since="render")
+    assert reused(wider) == list(NAMES[:-1])
+    assert "output.video.width is 128 and was 96" in notes_on(wider, "render")[0]
+    assert frame.stat().st_mtime_ns == written  # the motion is the same, so the frames are
+    assert "# for the poster" in scene_yaml.read_text("utf-8")
+
+    # A comment and a touched file change nothing.
+    path = run.root / "materials.yaml"
+    path.write_text("# mine\n" + path.read_text("utf-8"), "utf-8")
+    os.utime(run.root / "groups.npz")
+    same = continue_run(run.root, since="simulate")
+    assert reused(same) == list(NAMES)
+    assert path.read_text("utf-8").startswith("# mine\n")
+
+
+def test_render_refuses_to_simulate(run):
+    scene = scene_of_run(run.root).with_overrides({"motion.acceleration_ms2": 0.5})
+    with pytest.raises(RunError, match=r"'simulate' is not up to date, because motion.acceleration_ms2 is 0\.5"):
+        continue_run(run.root, scene, since="render")
+    assert len(finished_stages(run.root)) == len(NAMES)
+
+
+def test_an_edited_material_survives_a_new_identification(run):
+    edit_material(run, "ball", "youngs_modulus_pa", 54321.0)
+    edit_material(run, "stick", "name", "rubber")  # the old numbers still stand beside it
+    scene = scene_of_run(run.root).with_overrides({"interior.confidence": 0.9})
+    again = continue_run(run.root, scene, since="simulate", until="materials")
+    assert reused(again) == ["views", "grouping"]
+    assert "interior.confidence is 0.9 and was 0.95" in notes_on(again, "interior")[0]
+    book = read_materials(run.root / "materials.yaml")
+    assert (book["ball"].surface.youngs_modulus_pa, book["ball"].surface.source) == (54321, "user")
+    assert (book["stick"].surface.name, book["stick"].surface.source) == ("rubber", "user")
+    assert book["stick"].surface.youngs_modulus_pa < 1e8  # the library's rubber
+    # What the scene names later wins over the older edit.
+    steel = scene.with_overrides({"parts.ball.material": "steel"})
+    continue_run(run.root, steel, since="simulate", until="materials")
+    assert read_materials(run.root / "materials.yaml")["ball"].surface.name == "steel"
+
+
+def test_labels_that_a_person_put_into_the_run_are_taken(run):
+    with np.load(run.root / "groups.npz") as arrays:
+        labels = arrays["labels"].copy()
+    labels[:250] = 1
+    np.savez(run.root / "groups.npz", labels=labels, names=np.array(["block", "stick", "ball"]))
+    again = continue_run(run.root, since="simulate", until="interior")
+    assert reused(again) == ["views", "grouping"]
+    assert "the parts changed" in notes_on(again, "interior")[0]
+
+
+@pytest.mark.parametrize("killed_in", ["interior", "simulate", "render"])
+def test_a_killed_run_continues_to_the_same_arrays(undisturbed, tmp_path, killed_in):
+    out = tmp_path / "killed"
+    (tmp_path / "scene.yaml").write_text((undisturbed.root / "scene.yaml").read_text("utf-8"), "utf-8")
+    command = [sys.executable, "-m", "phys4dgen", "generate", "--scene", str(tmp_path / "scene.yaml"), "-o", str(out)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if line.startswith(f"{killed_in} ..."):
+                time.sleep(0.05)
+                process.send_signal(signal.SIGKILL)
+    assert killed_in not in finished_stages(out)
+    finished = generate(scene_of_run(out), out)
+    for name in ("groups.npz", "continuum.npz", "trajectory.npz"):
+        with np.load(undisturbed.root / name) as expected, np.load(finished.root / name) as found:
+            for key in expected.files:
+                np.testing.assert_array_equal(found[key], expected[key], err_msg=f"{name}: {key}")
+    assert json.loads((out / "report.json").read_text("utf-8"))["completed_until"] == "render"
+    assert not list(out.rglob("*.partial-*"))
