@@ -14,21 +14,21 @@ TEST_FLAGS ?=
 demo: $(VENV)/.installed
 	$(BIN)/phys4dgen demo -o $(OUT) --overwrite
 
-test: $(VENV)/.installed-dev
+test: $(VENV)/.installed-models
 	$(BIN)/python -m pytest $(TEST_FLAGS)
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m benchmarks $(BENCH_FLAGS)
 
 lint: $(VENV)/.installed-dev
-	$(BIN)/ruff check src tests benchmarks
-	$(BIN)/ruff format --check src tests benchmarks
+	$(BIN)/ruff check src tests benchmarks scripts
+	$(BIN)/ruff format --check src tests benchmarks scripts
 	$(BIN)/pyright
 	$(BIN)/lint-imports --no-logo
 
 format: $(VENV)/.installed-dev
-	$(BIN)/ruff check --fix src tests benchmarks
-	$(BIN)/ruff format src tests benchmarks
+	$(BIN)/ruff check --fix src tests benchmarks scripts
+	$(BIN)/ruff format src tests benchmarks scripts
 
 # Each stamp says that the packages of its lock and the package itself are installed in .venv.
 $(VENV)/.installed: requirements.lock pyproject.toml
@@ -42,6 +42,11 @@ $(VENV)/.installed: requirements.lock pyproject.toml
 $(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
 	@echo "Installing the development tools into $(VENV)"
 	@$(PIP) install -r requirements-dev.lock
+	@touch $@
+
+# torch, for the tests of learned models; they are skipped where no CPU build of it resolves.
+$(VENV)/.installed-models: requirements-models.lock $(VENV)/.installed-dev
+	@$(BIN)/python scripts/install_models.py requirements-models.lock
 	@touch $@
 
 $(VENV)/.installed-bench: requirements-bench.lock $(VENV)/.installed-dev

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from phys4dgen.animate import AxisTracker, Deformer
 from phys4dgen.progress import Progress
 from phys4dgen.render.cameras import video_path
+from phys4dgen.render.gsplat_backend import GsplatRasteriser, gsplat_is_ready
 from phys4dgen.render.rasterise import Rasteriser
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
@@ -86,7 +87,7 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress) -> Film
     gaussians = asset.gaussians
 
     def frames() -> Iterator[FilmFrame]:
-        deformer, tracker, rasteriser = Deformer(gaussians), AxisTracker(gaussians), Rasteriser()
+        deformer, tracker, rasteriser = Deformer(gaussians), AxisTracker(gaussians), _rasteriser()
         for k, (positions, gradients) in enumerate(motion.frames()):
             rotations, covariances6 = deformer.deform(gradients)
             picture = rasteriser.render(
@@ -104,6 +105,11 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress) -> Film
 
     fps = scene.simulation.fps if isinstance(wanted.fps, str) else wanted.fps
     return Film(fps, motion.times_s, cameras, frames)
+
+
+def _rasteriser() -> Rasteriser | GsplatRasteriser:
+    """gsplat where there is a CUDA device for it, else ours."""
+    return GsplatRasteriser() if gsplat_is_ready() else Rasteriser()
 
 
 def _swept_box(asset: Asset, motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
