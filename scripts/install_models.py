@@ -25,7 +25,7 @@ def main(lock: str) -> None:
         return
     names = [item["metadata"]["name"].lower() for item in json.loads(plan.stdout)["install"]]
     if any(name.startswith(("nvidia", "cuda", "triton")) for name in names):
-        print("Tests of learned models will be skipped: torch resolves to a CUDA build here; install a CPU build of it.")
+        print("Tests of learned models will be skipped: torch resolves to a CUDA build here, not to a CPU build.")
         return
     if names:
         subprocess.run([*PIP, "install", "-qq", "-r", lock], check=True)

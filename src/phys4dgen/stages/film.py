@@ -108,7 +108,7 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress) -> Film
 
 
 def _rasteriser() -> Rasteriser | GsplatRasteriser:
-    """gsplat where there is a CUDA device for it, else ours."""
+    """The CUDA kernels of gsplat where there is a device for them, else ours."""
     return GsplatRasteriser() if gsplat_is_ready() else Rasteriser()
 
 
