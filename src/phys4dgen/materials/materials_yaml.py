@@ -1,13 +1,14 @@
 """materials.yaml: the material of every part as a file that a person can read, edit and run again from.
 
 Per part ``surface`` and ``interior``, each a mapping or just the name of a library material; ``interior`` may be left
-out where it is like the surface. Values left out come from the library. ``range``, ``effective_law`` and ``warnings``
-are written for the reader; the first two are worked out anew on reading.
+out where it is like the surface. Values left out come from the library. ``evidence``, ``range``, ``effective_law`` and
+``warnings`` are written for the reader; ``range`` and ``effective_law`` are worked out anew on reading.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -29,7 +30,7 @@ _RANGES = {
 """What physics allows at all; a named material has a narrower range in the library."""
 
 _REQUIRED = ("density_kgm3", "youngs_modulus_pa", "poisson_ratio")
-_KEYS = ("name", "law", *_RANGES, "extra", "source", "range", "effective_law", "warnings")
+_KEYS = ("name", "law", *_RANGES, "extra", "source", "evidence", "range", "effective_law", "warnings")
 _SIDES = ("surface", "interior")
 
 _HEADER = """\
@@ -92,6 +93,8 @@ def _row(chosen: Material) -> dict[str, Any]:
     if chosen.extra:
         row["extra"] = dict(chosen.extra)
     row["source"] = chosen.source
+    if chosen.evidence:
+        row["evidence"] = chosen.evidence
     if entry is not None:
         quantities = {key: getattr(entry, key) for key in _RANGES}
         row["range"] = {key: list(quantity.range) for key, quantity in quantities.items() if quantity is not None}
@@ -167,9 +170,10 @@ class _Reader:
             thickness_m=thickness_m,
             extra=self._extra(row["extra"], (*at, "extra")) if "extra" in row else dict(usual.extra) if usual else {},
         )
+        evidence = self._text(row, "evidence", at) if "evidence" in row else ""
         told = self._warnings(row.get("warnings", []), (*at, "warnings"))
         warnings = tuple(dict.fromkeys((*told, *library_warnings(chosen))))
-        return Material(**{**vars(chosen), "warnings": warnings})
+        return replace(chosen, evidence=evidence, warnings=warnings)
 
     def _suggestion(self, name: str) -> str:
 

@@ -23,6 +23,7 @@ class Material:
         thickness_m: usual thickness where the material is a sheet, else None.
         source: "user", "library", "rule", "default", "mllm:<model>" or "clip".
         extra: further parameters of the law by name with units (yield_stress_pa, friction_angle_deg ...).
+        evidence: what speaks for it in one phrase (votes and spread of a model's answers), else empty.
         warnings: what the user should know about this choice.
     """
 
@@ -34,6 +35,7 @@ class Material:
     source: str
     thickness_m: float | None = None
     extra: Mapping[str, float] = field(default_factory=dict)
+    evidence: str = ""
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

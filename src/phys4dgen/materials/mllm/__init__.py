@@ -1,0 +1,24 @@
+"""Materials named by a multimodal language model, and its answers checked (Paper: Sec. 3.4 and appendix B.5)."""
+
+from phys4dgen.materials.mllm.budget import Limits
+from phys4dgen.materials.mllm.endpoint import DEFAULT_BASE_URL, DEFAULT_MODEL, Endpoint, endpoint
+from phys4dgen.materials.mllm.identify import Asking, Identification, identify_by_model
+from phys4dgen.materials.mllm.reliability import comparison_table, reliability_table
+from phys4dgen.materials.mllm.subimages import PartView, SubImages, front_views, make_sub_images
+
+__all__ = [
+    "DEFAULT_BASE_URL",
+    "DEFAULT_MODEL",
+    "Asking",
+    "Endpoint",
+    "Identification",
+    "Limits",
+    "PartView",
+    "SubImages",
+    "comparison_table",
+    "endpoint",
+    "front_views",
+    "identify_by_model",
+    "make_sub_images",
+    "reliability_table",
+]
