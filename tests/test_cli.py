@@ -5,13 +5,14 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from phys4dgen.cli import main
 from phys4dgen.cli.arguments import COMMANDS, parse, scene_from
 from phys4dgen.cli.console import PlainProgress
 from phys4dgen.errors import SceneError
-from phys4dgen.formats import save_gaussians
+from phys4dgen.formats import load_gaussians, save_gaussians
 from phys4dgen.progress import SILENT, Progress
 
 
@@ -83,6 +84,13 @@ def test_a_flag_wins_over_preview_and_preview_over_the_scene_file(tmp_path, monk
         (["generate", "-o", "run"], "name the splat"),
         (["generate", "-o", "run", "--scene", "none.yaml"], "none.yaml: cannot read"),
         (["inspect"], "FILE"),
+        (["simulate"], "RUN"),
+        (["render", "none", "--overlay", "strian"], "Did you mean 'strain'?"),
+        (["render", "none", "--simulation.grid", "64"], "'simulate none' takes this flag"),
+        (["render", "none", "--widht", "64"], "Did you mean '--width'?"),
+        (["simulate", "none", "--until", "gruoping"], "Did you mean 'grouping'?"),
+        (["demo", "-o", "run", "--scene", "snowmen"], "Did you mean 'snowman'?"),
+        (["convert", "a.ply"], "OUT"),
         (["inspect", "a.splat", "--simulation.grid", "3"], "'--simulation.grid' is not a flag"),
     ],
 )
@@ -118,7 +126,7 @@ def test_the_unexpected_is_one_sentence_too(error, monkeypatch, capsys):
     def fail(_arguments):
         raise error
 
-    monkeypatch.setattr("phys4dgen.cli.commands.COMMAND_FUNCTIONS", dict.fromkeys(COMMANDS, fail))
+    monkeypatch.setattr("phys4dgen.cli.inspect.run", fail)
     assert main(["inspect", "x"]) == 1
     message = capsys.readouterr().err
     assert message.count("\n") == 1
@@ -140,7 +148,7 @@ def test_inspect_speaks_to_people_and_to_programs(tmp_path, random_gaussians, ca
 def test_help_lists_flags(command, capsys):
     assert main([command, "--help"]) == 0
     text = capsys.readouterr().out
-    assert ("--simulation.grid" in text) == (command != "inspect")
+    assert ("--simulation.grid" in text) == (command in ("generate", "demo", "simulate", "render"))
 
 
 def test_help_of_the_program_is_quick():
@@ -173,3 +181,43 @@ def test_plain_progress_says_what_it_is_told(capsys):
 def test_scene_from_needs_an_input():
     with pytest.raises(SceneError, match="name the splat"):
         scene_from(parse(["generate", "-o", "run"]))
+
+
+def test_convert_keeps_every_value_that_the_format_has(tmp_path, random_gaussians, capsys):
+    gaussians = random_gaussians(300, sh_degree=1)
+    save_gaussians(gaussians, tmp_path / "a.ply")
+    assert main(["convert", str(tmp_path / "a.ply"), str(tmp_path / "b.splat")]) == 0
+    streams = capsys.readouterr()
+    assert streams.out.strip() == str(tmp_path / "b.splat")
+    assert "SH degree 1 becomes 0" in streams.err
+    converted = load_gaussians(tmp_path / "b.splat")
+    np.testing.assert_array_equal(converted.means, gaussians.means)
+    np.testing.assert_allclose(converted.opacities, gaussians.opacities, atol=1 / 500)
+    assert main(["convert", str(tmp_path / "a.ply"), str(tmp_path / "b.splat")]) == 1
+    assert "--overwrite" in capsys.readouterr().err
+    assert main(["convert", str(tmp_path / "a.ply"), str(tmp_path / "b.splat"), "--overwrite", "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main(["convert", str(tmp_path / "a.ply"), str(tmp_path / "b.spz")]) == 1
+    assert "later version" in capsys.readouterr().err
+
+
+def test_doctor_names_what_is_missing_and_never_a_key(monkeypatch, capsys):
+    monkeypatch.setenv("OPENAI_API_KEY", "sk-do-not-print-me")
+    monkeypatch.delenv("HF_TOKEN", raising=False)
+    assert main(["doctor", "--json"]) == 0
+    text = capsys.readouterr().out
+    assert "do-not-print-me" not in text
+    findings = {finding["name"]: finding for finding in json.loads(text)["findings"]}
+    assert findings["OPENAI_API_KEY"]["state"] == "ready"
+    assert (findings["HF_TOKEN"]["state"], findings["HF_TOKEN"]["fix"]) == ("optional", "export HF_TOKEN=...")
+    assert findings["processor"]["state"] == "ready"
+    monkeypatch.setattr("phys4dgen.run.doctor._FREE_GB", 1e9)
+    assert main(["doctor"]) == 1
+    assert "MISSING disk" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["simulate", "render"])
+def test_a_folder_that_is_no_run_is_left_alone(command, tmp_path, capsys):
+    assert main([command, str(tmp_path)]) == 1
+    assert "expected a run folder" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

@@ -143,10 +143,11 @@ def test_render_refuses_to_simulate(run):
 def test_an_edited_material_survives_a_new_identification(run):
     edit_material(run, "ball", "youngs_modulus_pa", 54321.0)
     edit_material(run, "stick", "name", "rubber")  # the old numbers still stand beside it
-    scene = scene_of_run(run.root).with_overrides({"interior.confidence": 0.9})
+    scene = scene_of_run(run.root).with_overrides({"simulation.grid": 18})
     again = continue_run(run.root, scene, since="simulate", until="materials")
     assert reused(again) == ["views", "grouping"]
-    assert "interior.confidence is 0.9 and was 0.95" in notes_on(again, "interior")[0]
+    assert "simulation.grid is 18 and was 16" in notes_on(again, "interior")[0]
+    assert "the particles changed" in notes_on(again, "materials")[0]
     book = read_materials(run.root / "materials.yaml")
     assert (book["ball"].surface.youngs_modulus_pa, book["ball"].surface.source) == (54321, "user")
     assert (book["stick"].surface.name, book["stick"].surface.source) == ("rubber", "user")
@@ -155,6 +156,13 @@ def test_an_edited_material_survives_a_new_identification(run):
     steel = scene.with_overrides({"parts.ball.material": "steel"})
     continue_run(run.root, steel, since="simulate", until="materials")
     assert read_materials(run.root / "materials.yaml")["ball"].surface.name == "steel"
+
+
+def test_a_stage_that_ends_with_the_same_result_redoes_nothing_after_it(run):
+    scene = scene_of_run(run.root).with_overrides({"views.size_px": 65})
+    again = continue_run(run.root, scene, since="simulate")
+    assert reused(again) == ["interior", "materials", "simulate", "render"]
+    assert "the views changed" in notes_on(again, "grouping")[0]
 
 
 def test_labels_that_a_person_put_into_the_run_are_taken(run):

@@ -9,7 +9,7 @@ from phys4dgen.grouping.from_file import parts_from_file
 from phys4dgen.materials.library import find_entry
 from phys4dgen.run.demo import prepare_demo
 from phys4dgen.run.folder import RunFolder
-from phys4dgen.run.stages import stage_digests
+from phys4dgen.run.stages import scene_settings
 from phys4dgen.scene import check_part_names, dump_scene, load_scene
 
 
@@ -35,11 +35,11 @@ def test_the_demo_is_an_ordinary_scene_with_labels(prepared, tmp_path):
 
 def test_the_demo_is_the_same_every_time_and_its_folder_can_be_claimed(prepared):
     folder, scene = prepared
-    digests = stage_digests(scene, version="1")
+    settings = scene_settings(scene)
     means = load_gaussians(scene.input).means
-    with RunFolder(folder).claim(digests):
+    with RunFolder(folder).claim():
         pass
-    assert stage_digests(prepare_demo(folder), version="1") == digests
+    assert scene_settings(prepare_demo(folder)) == settings
     np.testing.assert_array_equal(load_gaussians(scene.input).means, means)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.errors import RunError
 from phys4dgen.export.frames import FrameWriter, remove_frames_from
 from phys4dgen.export.pictures import contact_sheet, evenly_spaced, write_png
 from phys4dgen.export.video import write_video
@@ -17,7 +17,7 @@ from phys4dgen.run.folder import RunFolder
 from phys4dgen.stages.film import Film
 from phys4dgen.types import Gaussians
 
-__all__ = ["Frames", "write_film"]
+__all__ = ["Frames", "write_film", "write_video_and_sheet"]
 
 Frames = Literal["new", "kept", "none"]
 """What happens to frames/: written anew, left as they are, or removed."""
@@ -36,8 +36,6 @@ def write_film(film: Film, run: RunFolder, gaussians: Gaussians, *, frames: Fram
     Raises:
         RunError: a file cannot be written.
     """
-    on_sheet = evenly_spaced(len(film.times_s))
-    stills: dict[int, NDArray[np.uint8]] = {}
     writer = FrameWriter(gaussians, run.frames) if frames == "new" else None
     if frames != "kept":
         remove_frames_from(run.frames, 0)  # or an interrupted film would leave two motions side by side
@@ -53,16 +51,42 @@ def write_film(film: Film, run: RunFolder, gaussians: Gaussians, *, frames: Fram
                     scales=scales,
                     rotations=frame.rotations if frame.index else None,
                 )
-            if frame.index in on_sheet:
-                stills[frame.index] = frame.image
             yield frame.image
 
-    path, warnings = write_video(images(), run.video_mp4, fps=film.fps)
+    path, stills = write_video_and_sheet(
+        images(), film, video=run.video_mp4, sheet=run.contact_sheet_png, progress=progress
+    )
+    write_png(stills[min(1, len(stills) - 1)], run.preview_png)
+    return f"CPU rasteriser, {'H.264' if path.suffix == '.mp4' else 'WebP'}"
+
+
+def write_video_and_sheet(
+    images: Iterable[NDArray[np.uint8]], film: Film, *, video: Path, sheet: Path, progress: Progress
+) -> tuple[Path, list[NDArray[np.uint8]]]:
+    """Encode pictures as they come; returns the video's path and the pictures on the sheet.
+
+    Args:
+        images: one per frame of ``film``.
+        film: whose times and rate they have.
+        video: ``.mp4`` file to make or replace.
+        sheet: contact sheet to make or replace.
+        progress: told what went otherwise than asked for.
+
+    Raises:
+        RunError: a file cannot be written.
+    """
+    on_sheet = evenly_spaced(len(film.times_s))
+    stills: dict[int, NDArray[np.uint8]] = {}
+
+    def noted() -> Iterator[NDArray[np.uint8]]:
+        for index, image in enumerate(images):
+            if index in on_sheet:
+                stills[index] = image
+            yield image
+
+    path, warnings = write_video(noted(), video, fps=film.fps)
     for warning in warnings:
         progress.warn(warning)
-    if not stills:
-        raise RunError(f"{run.video_mp4}: the film has no frames.")
-    sheet = contact_sheet([stills[k] for k in on_sheet], [float(film.times_s[k]) for k in on_sheet])
-    write_png(sheet, run.contact_sheet_png)
-    write_png(stills[on_sheet[min(1, len(on_sheet) - 1)]], run.preview_png)
-    return f"CPU rasteriser, {'H.264' if path.suffix == '.mp4' else 'WebP'}"
+    shown = [stills[index] for index in on_sheet]
+    write_png(contact_sheet(shown, [float(film.times_s[index]) for index in on_sheet]), sheet)
+    return path, shown

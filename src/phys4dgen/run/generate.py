@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from phys4dgen.run.store import RunStore
     from phys4dgen.stages.motion_facts import MotionFacts
 
-__all__ = ["Run", "continue_run", "generate", "scene_of_run"]
+__all__ = ["Run", "continue_run", "generate", "scene_of_run", "use_threads"]
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def _fill(
     from phys4dgen.pipeline import animate_scene
     from phys4dgen.run.store import RunStore
 
-    _use_threads(scene)
+    use_threads(scene)
     if not simulator_is_compiled():
         recorder.note("First run on this machine: the kernels are compiled once, which adds about half a minute.")
     run.write_scene(scene)
@@ -201,7 +201,8 @@ def _sections(facts: MotionFacts | None) -> dict[str, Any]:
     }
 
 
-def _use_threads(scene: Scene) -> None:
+def use_threads(scene: Scene) -> None:
+    """Let the kernels use as many threads as the scene says."""
     import numba
 
     if not isinstance(scene.simulation.threads, str):

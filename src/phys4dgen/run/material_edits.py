@@ -16,7 +16,7 @@ from phys4dgen.materials.book import library_warnings, runnable_law
 from phys4dgen.materials.library import find_entry
 from phys4dgen.types import Material, MaterialBook, PartMaterials
 
-__all__ = ["SIDES", "edited_materials", "with_edits"]
+__all__ = ["SIDES", "current_book", "edited_materials", "with_edits"]
 
 SIDES = ("surface", "interior")
 _NUMBERS = ("law", "density_kgm3", "youngs_modulus_pa", "poisson_ratio", "thickness_m", "extra")
@@ -39,6 +39,16 @@ def edited_materials(materials_yaml: Path, identified_yaml: Path) -> dict[tuple[
             if past is None or _as_edited(past) != _as_edited(present):
                 edits[part, side] = _users(_meant(present, past))
     return edits
+
+
+def current_book(materials_yaml: Path, identified_yaml: Path) -> MaterialBook:
+    """The materials as they hold: identified, and edited where a person did.
+
+    Raises:
+        MaterialError: a file is damaged; names file, line and the way out.
+    """
+    identified = MaterialBook(read_materials(identified_yaml))
+    return with_edits(identified, edited_materials(materials_yaml, identified_yaml))
 
 
 def with_edits(book: MaterialBook, edits: Mapping[tuple[str, str], Material]) -> MaterialBook:

@@ -17,7 +17,7 @@ from phys4dgen.export.pictures import parts_picture, write_png
 from phys4dgen.export.trajectory import read_trajectory, trajectory_writer
 from phys4dgen.formats import save_gaussians
 from phys4dgen.interior import Interior
-from phys4dgen.materials import read_materials, write_materials
+from phys4dgen.materials import write_materials
 from phys4dgen.render.views import render_labels
 from phys4dgen.run.artefacts import (
     read_groups,
@@ -30,7 +30,7 @@ from phys4dgen.run.artefacts import (
 from phys4dgen.run.digests import MotionDigest, book_products, interior_products, needs_digest, parts_products
 from phys4dgen.run.film_files import Frames, write_film
 from phys4dgen.run.folder import RunFolder
-from phys4dgen.run.material_edits import edited_materials, with_edits
+from phys4dgen.run.material_edits import current_book, edited_materials, with_edits
 from phys4dgen.run.prediction import predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import PartReport, part_reports
@@ -230,7 +230,7 @@ class RunStore:
         edits = edited_materials(self.run.materials_yaml, self.run.identified_yaml)
         for part in dict.fromkeys(part for part, _ in edits):
             self.progress.note(f"materials: part '{part}' is taken from materials.yaml as edited.")
-        book = with_edits(MaterialBook(read_materials(self.run.identified_yaml)), edits)
+        book = current_book(self.run.materials_yaml, self.run.identified_yaml)
         self.backends["materials"] = ", ".join(dict.fromkeys(entry.surface.source for entry in book.parts.values()))
         return lambda: book, book_products(book)
 
@@ -281,13 +281,11 @@ class RunStore:
         return self._motion_on_disk(digest.products())
 
     def _motion_on_disk(self, products: Mapping[str, str]) -> Recalled:
-        written = json.loads(self.run.motion_json.read_text("utf-8"))
-        known = [entry.name for entry in fields(MotionFacts)]  # another version may have written others
-        facts = self.facts = MotionFacts(**{name: value for name, value in written.items() if name in known})
+        self.facts = recalled_facts(self.run)
         self.backends["simulate"] = "MLS-MPM, explicit SIMD on CPU"
         self.counts["frames"] = self.scene.frame_count
         self.run.write_scene(self.scene.with_overrides(self._choices()))
-        return functools.cache(lambda: recalled_motion(self.run, facts)), products
+        return functools.cache(lambda: recalled_motion(self.run)), products
 
     def _choices(self) -> dict[str, Any]:
         """Settings that the simulation chose, by key of the scene."""
@@ -319,14 +317,21 @@ class RunStore:
         return self.asset
 
 
-def recalled_motion(run: RunFolder, facts: MotionFacts) -> Motion:
+def recalled_facts(run: RunFolder) -> MotionFacts:
+    """What motion.json says, as far as this version knows it."""
+    written = json.loads(run.motion_json.read_text("utf-8"))
+    known = [entry.name for entry in fields(MotionFacts)]
+    return MotionFacts(**{name: value for name, value in written.items() if name in known})
+
+
+def recalled_motion(run: RunFolder) -> Motion:
     """The motion that lies in a run folder."""
     trajectory = read_trajectory(run.trajectory_npz)
 
     def frames() -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
         yield from zip(trajectory.positions, trajectory.deformation_gradients, strict=True)
 
-    return Motion(trajectory.times_s, frames, facts)
+    return Motion(trajectory.times_s, frames, recalled_facts(run))
 
 
 def _eight_bit(values: NDArray[np.float32]) -> NDArray[np.uint8]:

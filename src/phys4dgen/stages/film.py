@@ -18,6 +18,7 @@ from phys4dgen.render.rasterise import Rasteriser
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.motion import Motion
+from phys4dgen.stages.overlays import Overlay
 from phys4dgen.types import Camera
 
 __all__ = ["Film", "FilmFrame", "film"]
@@ -62,8 +63,8 @@ class Film:
 _BACKGROUNDS = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0), "grey": (0.5, 0.5, 0.5)}
 
 
-def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress) -> Film:
-    """Turn covariances and colours with the motion and render every frame."""
+def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress, *, overlay: Overlay | None = None) -> Film:
+    """Turn covariances and colours with the motion and render every frame, as it looks or as an overlay shows it."""
     wanted = scene.output.video
     lower, upper = _swept_box(asset, motion)
     extent = upper - lower
@@ -95,11 +96,14 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress) -> Film
                 covariances6,
                 gaussians.opacities,
                 camera=cameras[k],
-                sh=gaussians.sh,
-                sh_rotations=rotations,
+                sh=gaussians.sh if overlay is None else None,
+                colors=None if overlay is None else overlay.colors(positions, gradients),
+                sh_rotations=rotations if overlay is None else None,
                 background=_BACKGROUNDS[wanted.background],
             )
             image = np.rint(np.clip(picture.rgb, 0, 1) * 255).astype(np.uint8)
+            if overlay is not None:
+                image = overlay.annotate(image, float(motion.times_s[k]), positions, cameras[k])
             yield FilmFrame(k, image, positions, rotations, partial(tracker.advance, gradients))
             progress.update(k + 1, len(cameras), "frames rendered")
 
