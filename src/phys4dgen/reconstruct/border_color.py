@@ -15,6 +15,7 @@ import scipy.ndimage as nd
 from numpy.typing import NDArray
 from PIL import Image
 
+from phys4dgen.reconstruct.mask_geometry import pieces, slopes
 from phys4dgen.types.color import srgb_to_lab
 
 __all__ = ["BorderCut", "cut_by_border_color"]
@@ -118,7 +119,7 @@ def _soft_shadow(difference: NDArray[np.float64]) -> NDArray[np.bool_]:
         difference: Lab of the picture minus that of the background, shape [H, W, 3].
     """
     smooth = nd.gaussian_filter(difference, (1, 1, 0))
-    slope = np.hypot(*np.gradient(smooth[..., 0]))
+    slope = np.hypot(*slopes(smooth[..., 0]))
     chroma = np.hypot(smooth[..., 1], smooth[..., 2])
     darker = (smooth[..., 0] < 0) & (smooth[..., 0] > -SHADOW_DEPTH)
     return darker & (chroma < SHADOW_CHROMA) & (nd.maximum_filter(slope, 3) < SHADOW_SLOPE)
@@ -126,25 +127,33 @@ def _soft_shadow(difference: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 def _object(distance: NDArray[np.float64], threshold: float, *, shadow: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Pixels far from the background or cut off from the border by such; slivers and crumbs removed."""
-    smooth = nd.gaussian_filter(distance, 0.8)
-    far = smooth > threshold
-    far = nd.binary_closing(np.pad(far, 4), iterations=2)[4:-4, 4:-4]
-    labels, count = nd.label(~far)
+    far = nd.gaussian_filter(distance, 0.8) > threshold
+    far = _closed(far)
+    labels, sizes = pieces(~far)
     edge = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
     background = np.isin(labels, edge[edge > 0])
     # A hole that shows the background well and is not tiny is a hole (a handle, a ring).
-    for index in range(1, count + 1):
+    for index in 1 + np.flatnonzero(sizes > 1e-3 * distance.size):
         hole = labels == index
-        if hole.sum() > 1e-3 * hole.size and np.median(distance[hole]) < 0.5 * threshold:
+        if np.median(distance[hole]) < 0.5 * threshold:
             background |= hole
-    background = nd.binary_propagation(background, mask=background | shadow)
-    solid = nd.binary_opening(~background, iterations=2)
-    labels, count = nd.label(solid)
-    if count > 1:
-        sizes = np.bincount(labels.ravel())[1:]
+    background = _grown(background, background | shadow)
+    solid = np.asarray(nd.binary_opening(~background, iterations=2), bool)
+    labels, sizes = pieces(solid)
+    if len(sizes) > 1:
         solid = np.isin(labels, 1 + np.flatnonzero(sizes >= 0.02 * sizes.max()))
     # Opening has rounded thin parts off: take back what is joined to the rest.
-    return nd.binary_propagation(solid, mask=nd.binary_dilation(solid, iterations=6) & ~background)
+    near = np.asarray(nd.binary_dilation(solid, iterations=6), bool)
+    return _grown(solid, near & ~background)
+
+
+def _closed(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    return np.asarray(nd.binary_closing(np.pad(mask, 4), iterations=2), bool)[4:-4, 4:-4]
+
+
+def _grown(mask: NDArray[np.bool_], limit: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The pixels of ``limit`` that are joined to ``mask``."""
+    return np.asarray(nd.binary_propagation(mask, mask=limit), bool)
 
 
 def _problem(mask: NDArray[np.bool_], border_spread: float) -> str:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy.ndimage as nd
 from numpy.typing import NDArray
 
 from phys4dgen.errors import StageError
 from phys4dgen.reconstruct.border_color import cut_by_border_color
+from phys4dgen.reconstruct.mask_geometry import depth_inside, pieces
 from phys4dgen.reconstruct.matte_onnx import DOWNLOAD_COMMAND, find_matte_model, matte_alpha
 from phys4dgen.reconstruct.picture import Picture, read_mask, read_picture
 
@@ -108,13 +108,11 @@ def _without_shadows(alpha: NDArray[np.float32]) -> NDArray[np.float32]:
     solid = alpha > _SOLID
     if not solid.any():
         return np.zeros_like(alpha)
-    labels, count = nd.label(solid)
-    if count > 1:
-        sizes = np.bincount(labels.ravel())[1:]
+    labels, sizes = pieces(solid)
+    if len(sizes) > 1:
         solid = np.isin(labels, 1 + np.flatnonzero(sizes >= _CRUMB * sizes.max()))
     reach = max(1.5, 0.006 * float(np.sqrt(solid.sum())))
-    distance = nd.distance_transform_edt(~solid)
-    keep = np.clip(reach + 1 - np.asarray(distance), 0, 1)
+    keep = np.clip(reach + 1 - depth_inside(~solid), 0, 1)
     return (alpha * keep).astype(np.float32)
 
 

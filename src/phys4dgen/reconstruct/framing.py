@@ -62,19 +62,21 @@ def framed(rgba: NDArray[np.float32], size_px: int) -> NDArray[np.float32]:
     return np.concatenate([np.clip(rgb, 0, 1), alpha[..., None]], -1).astype(np.float32)
 
 
-def canonical_camera(size_px: int, *, horizon: float = 0.0, distance: float = CAMERA_DISTANCE) -> Camera:
+def canonical_camera(size_px: int, *, horizon: float = 0.0, upright: NDArray[np.float64] | None = None) -> Camera:
     """The camera that saw the framed picture.
 
     Args:
         size_px: width and height.
         horizon: height of the camera, units of the splat. The picture stays the one that is centred on the origin: like
             a view camera with its lens shifted, the camera looks straight ahead and its principal point moves.
-        distance: of the camera from the plane z = 0, units of the splat.
+        upright: rotation from the axes in which the camera looks along -z with y up to those of the splat, [3, 3].
     """
-    fovy_deg = 2 * math.degrees(math.atan(HALF_HEIGHT / distance))
+    fovy_deg = 2 * math.degrees(math.atan(HALF_HEIGHT / CAMERA_DISTANCE))
     K = intrinsics(fovy_deg, size_px, size_px)
     K[1, 2] -= horizon * size_px / (2 * HALF_HEIGHT)
-    viewmat = look_at([0, horizon, distance], [0, horizon, 0], [0, 1, 0])
+    viewmat = look_at([0, horizon, CAMERA_DISTANCE], [0, horizon, 0], [0, 1, 0])
+    if upright is not None:
+        viewmat[:3, :3] = viewmat[:3, :3] @ upright.T
     return Camera(viewmat=viewmat, K=K, width=size_px, height=size_px)
 
 

@@ -60,13 +60,13 @@ def read_picture(path: Path | str) -> Picture:
     if image.mode in _SIXTEEN_BIT:
         grey = np.asarray(image, np.float32)
         grey = np.clip(grey / 65535, 0, 1) if grey.max(initial=0) > 255 else grey / 255
-        return Picture(np.repeat(grey[..., None], 3, -1), None)
+        return Picture(np.repeat(grey[..., None], 3, -1).astype(np.float32), None)
     if image.mode == "F":
         grey = np.asarray(image, np.float32)
         if not np.isfinite(grey).all():
             raise FormatError(f"{path}: expected finite brightness, got NaN or infinity; save it as 8 or 16 bit PNG.")
         grey = np.clip(grey / max(float(grey.max(initial=0)), 1.0), 0, 1)
-        return Picture(np.repeat(grey[..., None], 3, -1), None)
+        return Picture(np.repeat(grey[..., None], 3, -1).astype(np.float32), None)
     has_alpha = "A" in image.getbands() or "transparency" in image.info
     if not has_alpha:
         return Picture(_unit(image.convert("RGB")), None)

@@ -12,9 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.ndimage as nd
 from numba import njit
 from numpy.typing import NDArray
+
+from phys4dgen.reconstruct.mask_geometry import depth_inside
 
 __all__ = ["Balls", "inscribed_balls"]
 
@@ -40,7 +41,7 @@ class Balls:
 
 def inscribed_balls(mask: NDArray[np.bool_]) -> Balls:
     """The union of the balls inscribed in a mask [H, W]."""
-    radius = np.maximum(np.asarray(nd.distance_transform_edt(mask)) - 0.5, 0)
+    radius = np.maximum(depth_inside(mask) - 0.5, 0)
     height_squared, centre_y, centre_x = _power_distance(np.where(mask, radius**2, _OUTSIDE))
     return Balls(
         np.where(mask, np.maximum(height_squared, 0), 0),
@@ -52,7 +53,7 @@ def inscribed_balls(mask: NDArray[np.bool_]) -> Balls:
 
 @njit(cache=True)
 def _lower_envelope(values, least, source):  # pyright: ignore
-    """least[q] = min over p of values[p] + (q - p)^2, and the p that attains it."""
+    """Set least[q] = min over p of values[p] + (q - p)^2, and the p that attains it."""
     n = values.shape[0]
     vertex = np.zeros(n, np.int64)
     boundary = np.zeros(n + 1)
@@ -79,7 +80,7 @@ def _lower_envelope(values, least, source):  # pyright: ignore
 
 @njit(cache=True)
 def _power_distance(weight):  # pyright: ignore
-    """max over c of weight(c) - |p - c|^2 for every pixel p, and the row and column of that c."""
+    """Maximum over c of weight(c) - |p - c|^2 for every pixel p, and the row and column of that c."""
     height, width = weight.shape
     along_x = np.zeros((height, width))
     source_x = np.zeros((height, width), np.int64)

@@ -31,9 +31,8 @@ def oriented_gaussians(points: SurfacePoints, perspective: Perspective) -> tuple
     along = perspective.tangents_to_world(points.position, steepest)
     aside = perspective.tangents_to_world(points.position, across)
     along_length = np.linalg.norm(along, axis=1)
-    outward = np.cross(aside, along)  # both flips, of the row axis and of the order, cancel
+    outward = np.cross(aside, along)  # the flip of the row axis turns the product round
     outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    outward *= np.sign((outward * normal * [1, -1, 1]).sum(1, keepdims=True) + 1e-30)
     first = along / along_length[:, None]
     second = np.cross(outward, first)
     width = WIDTH * points.spacing
@@ -49,11 +48,11 @@ def oriented_gaussians(points: SurfacePoints, perspective: Perspective) -> tuple
     count = len(normal)
     return (
         Gaussians(
-            means=perspective.to_world(points.position),
-            quats_wxyz=Rotation.from_matrix(axes).as_quat(scalar_first=True),
-            scales=np.maximum(scales, 1e-6),
-            opacities=np.full(count, OPACITY),
-            sh=np.zeros((count, 1, 3)),
+            means=perspective.to_world(points.position).astype(np.float32),
+            quats_wxyz=Rotation.from_matrix(axes).as_quat(scalar_first=True).astype(np.float32),
+            scales=np.maximum(scales, 1e-6).astype(np.float32),
+            opacities=np.full(count, OPACITY, np.float32),
+            sh=np.zeros((count, 1, 3), np.float32),
         ),
         outward,
     )

@@ -10,7 +10,7 @@ import scipy.ndimage as nd
 from numpy.typing import NDArray
 
 from phys4dgen.reconstruct.foreground import Cutout
-from phys4dgen.reconstruct.framing import CAMERA_DISTANCE, FILL, canonical_camera, framed, longest_side
+from phys4dgen.reconstruct.framing import CAMERA_DISTANCE, FILL, HALF_HEIGHT, canonical_camera, framed, longest_side
 from phys4dgen.reconstruct.inflate.gaussians import oriented_gaussians
 from phys4dgen.reconstruct.inflate.paint import painted
 from phys4dgen.reconstruct.inflate.perspective import InflatedSolid, Perspective
@@ -19,6 +19,7 @@ from phys4dgen.reconstruct.inflate.segments import color_segments
 from phys4dgen.reconstruct.inflate.silhouette import Silhouette, silhouette
 from phys4dgen.reconstruct.inflate.surface import Kind, surface_points, walls
 from phys4dgen.reconstruct.inflate.thickness import Thickness, relief, thickness
+from phys4dgen.reconstruct.mask_geometry import depth_inside, nearest_inside, shrunk
 from phys4dgen.reconstruct.reconstruction import Reconstruction
 from phys4dgen.types import SH_C0, Gaussians
 
@@ -65,10 +66,10 @@ def inflate(cutout: Cutout, options: InflateOptions = InflateOptions()) -> Recon
         radius=body.balls.radius,
     )
     points = surface_points(both, outline.mask)
-    perspective = Perspective(_bend(body, outline), _horizon_row(outline))
+    perspective = Perspective(_bend(body, outline), _horizon_row(outline), outline.tilt)
     colors = painted(points, front_rgb, outline=outline, body=body)
     gaussians, normals = oriented_gaussians(points, perspective)
-    camera = canonical_camera(size, horizon=perspective.horizon)
+    camera = canonical_camera(size, horizon=perspective.horizon, upright=perspective.upright)
     to_camera = camera.position - gaussians.means
     facing = (normals * to_camera).sum(1) / np.linalg.norm(to_camera, axis=1)
     colors = refined_colors(
@@ -88,7 +89,11 @@ def inflate(cutout: Cutout, options: InflateOptions = InflateOptions()) -> Recon
         "inflate (stand-in)",
         solid=InflatedSolid.of(both, perspective),
         warnings=(*cutout.warnings, _WARNING),
-        facts={"working_side_px": float(size), "revolve_share": body.revolve},
+        facts={
+            "working_side_px": float(size),
+            "revolve_share": float(body.revolve[outline.mask.any(1)].mean()),
+            "camera_elevation_deg": math.degrees(math.atan(perspective.lean)),
+        },
     )
 
 
@@ -104,24 +109,17 @@ def _working_side(rgba: NDArray[np.float32], front_gaussians: int) -> int:
 def _without_fringe(rgb: NDArray[np.float32], mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     """The outermost pixels, mixed with the background, take the colour of the nearest pixel further in."""
     reach = max(1, round(len(mask) / 200))
-    depth = np.asarray(nd.distance_transform_edt(mask))
-    ridge = (
-        mask & (depth >= nd.maximum_filter(depth, 2 * reach + 1) - 0.5) & (depth > 1)
-    )  # thin parts keep their middle
-    core = nd.binary_erosion(mask, iterations=reach) | ridge
-    if not core.any():
-        return rgb
-    nearest = nd.distance_transform_edt(~core, return_distances=False, return_indices=True)
-    return rgb[tuple(np.asarray(nearest))]
+    depth = depth_inside(mask)
+    # Thin parts keep their middle line.
+    ridge = mask & (depth >= nd.maximum_filter(depth, 2 * reach + 1) - 0.5) & (depth > 1)
+    return rgb[nearest_inside(shrunk(mask, reach) | ridge)]
 
 
 def _bend(body: Thickness, outline: Silhouette) -> NDArray[np.float64]:
     """How far the middle surface is moved forward, world units."""
     size = len(outline.mask)
-    unit = Perspective(np.zeros((size, size)), 0).unit
-    nearest = nd.distance_transform_edt(~outline.mask, return_distances=False, return_indices=True)
-    smooth = nd.gaussian_filter(body.offset[tuple(np.asarray(nearest))], size / 60)
-    return smooth * unit**2 / CAMERA_DISTANCE
+    smooth = np.asarray(nd.gaussian_filter(body.offset[nearest_inside(outline.mask)], size / 60))
+    return smooth * (2 * HALF_HEIGHT / size) ** 2 / CAMERA_DISTANCE
 
 
 def _horizon_row(outline: Silhouette) -> float:

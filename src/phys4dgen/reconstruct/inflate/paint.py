@@ -7,9 +7,11 @@ import scipy.ndimage as nd
 from numpy.typing import NDArray
 
 from phys4dgen.reconstruct.inflate.back_colors import back_colors, extended
+from phys4dgen.reconstruct.inflate.revolution import smoothstep
 from phys4dgen.reconstruct.inflate.silhouette import Silhouette
 from phys4dgen.reconstruct.inflate.surface import Kind, SurfacePoints, at
-from phys4dgen.reconstruct.inflate.thickness import Thickness, smoothstep
+from phys4dgen.reconstruct.inflate.thickness import Thickness
+from phys4dgen.reconstruct.mask_geometry import nearest_inside
 
 __all__ = ["painted"]
 
@@ -36,8 +38,8 @@ def painted(
     source = _wrapped(outline, body)
     sigma = size / 70
     weight = nd.gaussian_filter(mask.astype(float), sigma)
-    low = nd.gaussian_filter(rgb * mask[..., None].astype(float), (sigma, sigma, 0))
-    low = extended(low / np.maximum(weight, 1e-3)[..., None], mask)
+    low = np.asarray(nd.gaussian_filter(rgb * mask[..., None].astype(float), (sigma, sigma, 0)))
+    low = extended((low / np.maximum(weight, 1e-3)[..., None]).astype(np.float32), mask)
 
     position = points.position
     around = np.stack([at(source[0], position), at(source[1], position)], 1)
@@ -50,7 +52,7 @@ def painted(
     base = points.kind == Kind.BASE
     if base.any():
         foot = position[base].copy()
-        foot[:, 1] = outline.bottom_row - 0.04 * outline.height
+        foot[:, 1] = (outline.base_row or outline.bottom_row) - 0.04 * outline.height
         near = at(low, foot)
         colors[base] = BASE_SHADE * (0.5 * near + 0.5 * np.median(near, 0))
     return np.clip(colors, 0, 1)
@@ -72,9 +74,9 @@ def _wrapped(outline: Silhouette, body: Thickness) -> tuple[NDArray[np.float64],
     share = body.revolve
     source_x = (1 - share) * (balls.centre_x + dx * stretch) + share * (runs.centre + row_dx * row_stretch)
     source_y = (1 - share) * (balls.centre_y + dy * stretch) + share * y
-    nearest = nd.distance_transform_edt(~outline.mask, return_distances=False, return_indices=True)
+    nearest = nearest_inside(outline.mask)
     shift_x, shift_y = (
-        nd.gaussian_filter(np.where(outline.mask, shift, 0)[tuple(np.asarray(nearest))], size / 200)
+        np.asarray(nd.gaussian_filter(np.where(outline.mask, shift, 0)[nearest], size / 200))
         for shift in (source_x - x, source_y - y)
     )
     last = size - 1 if outline.base_row is None else outline.base_row

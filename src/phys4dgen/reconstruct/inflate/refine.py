@@ -7,6 +7,7 @@ import scipy.ndimage as nd
 from numpy.typing import NDArray
 
 from phys4dgen.reconstruct.inflate.surface import at
+from phys4dgen.reconstruct.mask_geometry import shrunk
 from phys4dgen.render.rasterise import Rasteriser, packed_covariances
 from phys4dgen.types import Camera, Gaussians
 
@@ -39,7 +40,7 @@ def refined_colors(
     """
     rasteriser = Rasteriser()
     covariances = packed_covariances(gaussians.covariances())
-    inner = nd.binary_erosion(picture[..., 3] > 0.5, iterations=2)
+    inner = shrunk(picture[..., 3] > 0.5, 2)
     weight = np.clip(2.5 * facing - 0.1, 0, 1)[:, None]
     for _ in range(_STEPS):
         seen = rasteriser.render(

@@ -7,6 +7,7 @@ pixel where it faces the camera, everything else once per cell of a cubic lattic
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -14,8 +15,9 @@ import numpy as np
 import scipy.ndimage as nd
 from numpy.typing import NDArray
 
+from phys4dgen.reconstruct.inflate.revolution import smoothstep
 from phys4dgen.reconstruct.inflate.silhouette import Silhouette
-from phys4dgen.reconstruct.inflate.thickness import smoothstep
+from phys4dgen.reconstruct.mask_geometry import nearest_inside, slopes
 
 __all__ = ["BACK_SPACING", "FRONT_SPACING", "Kind", "SurfacePoints", "Walls", "at", "surface_points", "walls"]
 
@@ -45,12 +47,18 @@ class Walls:
     Attributes:
         front: towards the camera.
         back: away from it.
-        base: height of the flat base, px (rows count downwards); infinite where there is none.
+        base: row of the flat base in the plane z = 0, px; infinite where there is none.
+        tilt: the base is at ``base + tilt * z``.
     """
 
     front: NDArray[np.float64]
     back: NDArray[np.float64]
     base: float
+    tilt: float
+
+    def base_at(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Row of the base at heights z towards the camera."""
+        return self.base + self.tilt * z
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,15 +89,12 @@ def walls(
         back: depth h of the back.
         radius: of the inscribed ball of each pixel.
     """
-    nearest = nd.distance_transform_edt(~outline.mask, return_distances=False, return_indices=True)
-    rows, columns = np.asarray(nearest)
+    rows, columns = nearest_inside(outline.mask)
     if outline.base_row is not None:  # below the base the body goes on as it is there
-        rows = np.minimum(rows, outline.base_row - 1)
-        nearest_in_row = nd.distance_transform_edt(
-            ~outline.mask, sampling=(1e3, 1.0), return_distances=False, return_indices=True
-        )
-        below = np.arange(len(outline.mask))[:, None] >= outline.base_row
-        columns = np.where(below, np.asarray(nearest_in_row)[1][rows, np.arange(outline.mask.shape[1])], columns)
+        last = outline.base_row - 1
+        below = np.arange(len(outline.mask))[:, None] > last
+        rows = np.where(below, last, rows)
+        columns = np.where(below, nearest_inside(outline.mask, along_rows=True)[1][last], columns)
     local = np.maximum(nd.gaussian_filter(radius[rows, columns], 2), 1)
     slope = np.maximum(2 * local, 4)
 
@@ -100,32 +105,32 @@ def walls(
         return np.where(distance > 0, np.maximum(inside, 0.3 * distance), slope * distance)
 
     base = np.inf if outline.base_row is None else outline.base_row + 0.5 - FRONT_INSET
-    return Walls(wall(front, FRONT_INSET), wall(back, BACK_INSET), base)
+    return Walls(wall(front, FRONT_INSET), wall(back, BACK_INSET), base, outline.tilt)
 
 
 def surface_points(body: Walls, mask: NDArray[np.bool_]) -> SurfacePoints:
     """Sample the whole surface: front, steep front, back and base."""
     front_height = np.sqrt(np.maximum(body.front, 0))
-    dy, dx = np.gradient(front_height)
-    steep = nd.maximum_filter(np.hypot(dx, dy), 1)
-    facing = mask & (body.front > 0) & (steep < STEEPEST_PER_PIXEL)
-    facing &= (np.arange(len(mask)) <= body.base)[:, None]
+    dx, dy = slopes(front_height)
+    facing = mask & (body.front > 0) & (np.hypot(dx, dy) < STEEPEST_PER_PIXEL)
+    facing &= np.arange(len(mask))[:, None] <= body.base_at(front_height)
     y, x = np.nonzero(facing)
-    position = np.stack([x, y, front_height[y, x]], 1)
+    position = np.stack([x, y, front_height[y, x]], 1).astype(np.float64)
     normal = _unit(np.stack([-dx[y, x], -dy[y, x], np.ones(len(x))], 1))
-    parts = [(position, normal, 1.0, Kind.FRONT)]
+    parts: list[tuple[NDArray[np.float64], NDArray[np.float64], float, Kind]] = []
+    parts.append((position, normal, 1.0, Kind.FRONT))
 
-    position, normal = _lattice_points(body.front, FRONT_SPACING, body.base)
+    position, normal = _lattice_points(body, FRONT_SPACING, side=1)
     open_ = at(facing.astype(float), position) < 0.75
     parts.append((position[open_], normal[open_], FRONT_SPACING, Kind.STEEP))
 
-    position, normal = _lattice_points(body.back, BACK_SPACING, body.base)
-    mirror = np.array([1.0, 1.0, -1.0])
-    parts.append((position * mirror, normal * mirror, BACK_SPACING, Kind.BACK))
+    position, normal = _lattice_points(body, BACK_SPACING, side=-1)
+    parts.append((position, normal, BACK_SPACING, Kind.BACK))
 
     if np.isfinite(body.base):
         position = _base_points(body, FRONT_SPACING)
-        parts.append((position, np.tile([0.0, 1.0, 0.0], (len(position), 1)), FRONT_SPACING, Kind.BASE))
+        normal = _unit(np.tile([0.0, 1.0, -body.tilt], (len(position), 1)))
+        parts.append((position, normal, FRONT_SPACING, Kind.BASE))
     return SurfacePoints(
         position=np.concatenate([part[0] for part in parts]),
         normal=np.concatenate([part[1] for part in parts]),
@@ -136,20 +141,19 @@ def surface_points(body: Walls, mask: NDArray[np.bool_]) -> SurfacePoints:
 
 def at(image: NDArray[np.floating], position: NDArray[np.float64]) -> NDArray[np.float64]:
     """A map [S, S] (or [S, S, C]) at points [M, 2 or 3] by bilinear interpolation; shape [M] (or [M, C])."""
-    where = [position[:, 1], position[:, 0]]
+    where = np.stack([position[:, 1], position[:, 0]])
     if image.ndim == 2:
-        return nd.map_coordinates(image, where, order=1, mode="nearest")
-    return np.stack([nd.map_coordinates(image[..., c], where, order=1, mode="nearest") for c in range(3)], -1)
+        return np.asarray(nd.map_coordinates(image, where, order=1, mode="nearest"), np.float64)
+    return np.stack([at(image[..., c], position) for c in range(image.shape[2])], -1)
 
 
-def _lattice_points(
-    v: NDArray[np.float64], spacing: float, base: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """One point per cell with z > 0 that the surface v = z^2 crosses, moved onto it, and the outward normals.
+def _lattice_points(body: Walls, spacing: float, *, side: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """One point per cell that one wall (side 1: front, -1: back) crosses, moved onto it, and the outward normals.
 
     F falls monotonically with z, so that the cells crossed above one square of the lattice lie between the least and
     the greatest height of its corners: no volume of values is needed.
     """
+    v = body.front if side > 0 else body.back
     size = v.shape[0]
     grid = np.arange(int(size / spacing) + 1) * spacing
     y, x = np.meshgrid(grid, grid, indexing="ij")
@@ -157,15 +161,15 @@ def _lattice_points(
     corners = np.stack([corner[:-1, :-1], corner[:-1, 1:], corner[1:, :-1], corner[1:, 1:]])
     first = np.floor(corners.min(0) / spacing).astype(np.int64)
     count = np.ceil(corners.max(0) / spacing).astype(np.int64) - first
-    count[(grid[:-1] + 0.5 * spacing) > base] = 0
     row, column = np.nonzero(count > 0)
     repeat = count[row, column]
     start = np.cumsum(repeat) - repeat
     level = np.arange(int(repeat.sum())) - np.repeat(start - first[row, column], repeat)
     cell = np.stack([np.repeat(column, repeat), np.repeat(row, repeat), level], 1)
-    position = (cell + 0.5) * spacing
+    position = np.asarray((cell + 0.5) * spacing, np.float64)
+    position = position[position[:, 1] <= body.base_at(side * position[:, 2])]
 
-    slope_y, slope_x = np.gradient(v)
+    slope_x, slope_y = slopes(v)
     for _ in range(3):  # Newton's steps along the gradient, at most one cell long
         gradient = _gradient(slope_x, slope_y, position)
         excess = at(v, position) - position[:, 2] ** 2
@@ -173,21 +177,19 @@ def _lattice_points(
         length = np.linalg.norm(step, axis=1, keepdims=True)
         position = position - step * np.minimum(1, spacing / np.maximum(length, 1e-9))
         position[:, 2] = np.maximum(position[:, 2], 0)
-        position[:, 1] = np.minimum(position[:, 1], base)
-    return position, _unit(-_gradient(slope_x, slope_y, position, least_z=0.05))
+        position[:, 1] = np.minimum(position[:, 1], body.base_at(side * position[:, 2]))
+    towards = np.array([1.0, 1.0, side])
+    return position * towards, _unit(-_gradient(slope_x, slope_y, position, least_z=0.05)) * towards
 
 
 def _base_points(body: Walls, spacing: float) -> NDArray[np.float64]:
     """The flat base on a lattice of its own."""
     size = body.front.shape[0]
-    x = np.arange(0, size, spacing)
-    level = np.stack([x, np.full(len(x), body.base)], 1)
-    front, back = (np.sqrt(np.maximum(at(v, level), 0)) for v in (body.front, body.back))
-    z = np.arange(-np.ceil(back.max()), np.ceil(front.max()) + spacing, spacing)
-    grid_x, grid_z = np.meshgrid(x, z, indexing="ij")
-    inside = (grid_z < front[:, None] - 0.3 * spacing) & (grid_z > 0.3 * spacing - back[:, None])
-    inside &= (front + back)[:, None] > 0
-    return np.stack([grid_x[inside], np.full(int(inside.sum()), body.base), grid_z[inside]], 1)
+    reach = math.ceil(math.sqrt(max(float(body.front.max()), float(body.back.max()), 0.0)))
+    x, z = np.meshgrid(np.arange(0, size, spacing), np.arange(-reach, reach + spacing, spacing), indexing="ij")
+    position = np.stack([x.ravel(), body.base_at(z.ravel()), z.ravel()], 1)
+    depth = np.sqrt(np.maximum(np.where(position[:, 2] > 0, at(body.front, position), at(body.back, position)), 0))
+    return position[np.abs(position[:, 2]) < depth - 0.3 * spacing]
 
 
 def _gradient(

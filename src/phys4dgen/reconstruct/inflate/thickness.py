@@ -13,9 +13,11 @@ import scipy.ndimage as nd
 from numpy.typing import NDArray
 
 from phys4dgen.reconstruct.inflate.balls import Balls, inscribed_balls
+from phys4dgen.reconstruct.inflate.revolution import revolve_evidence
 from phys4dgen.reconstruct.inflate.silhouette import Runs, Silhouette, horizontal_runs
+from phys4dgen.reconstruct.mask_geometry import depth_inside, nearest_inside
 
-__all__ = ["Thickness", "relief", "smoothstep", "thickness"]
+__all__ = ["Thickness", "relief", "thickness"]
 
 LEAST_REVOLVE = 0.35
 """Share of the body of revolution in every object: rounder heads, hats that are no blades."""
@@ -23,6 +25,8 @@ FLATTEST_BOWL = 1.5
 """A row is at most this many times as deep as its typical vertical half run: a brim does not become a disc."""
 SMOOTHING_REL = 0.012
 """Standard deviation of the smoothing, share of the picture's side."""
+EDGE_SMOOTHING = 0.4
+"""The same for a body of revolution, relative."""
 RELIEF_GAIN = 0.35
 RELIEF_REACH_REL = 0.035
 """Parts bulge within this distance of their border, share of the picture's side."""
@@ -36,14 +40,14 @@ class Thickness:
         height: depth of the front (and of the back) from the plane of the outline, px.
         balls: the inscribed ball of each pixel.
         runs: the row of each pixel.
-        revolve: share of the body of revolution.
+        revolve: share of the body of revolution in each row, shape [S, 1].
         offset: squared distance of each pixel from the middle of its ball and row, blended, px^2.
     """
 
     height: NDArray[np.float64]
     balls: Balls
     runs: Runs
-    revolve: float
+    revolve: NDArray[np.float64]
     offset: NDArray[np.float64]
 
 
@@ -60,12 +64,15 @@ def thickness(outline: Silhouette, rgb: NDArray[np.float32], *, gain: float = 1.
     sigma = SMOOTHING_REL * size
     balls = inscribed_balls(long_mask)
     runs = horizontal_runs(long_mask)
-    revolve = max(LEAST_REVOLVE, _revolve_evidence(mask, rgb, runs.count[:size]))
+    revolve = np.maximum(LEAST_REVOLVE, revolve_evidence(outline, rgb))
+    share = np.pad(revolve, ((0, len(long_mask) - size), (0, 0)), mode="edge")
     revolved, along = _revolved(outline, runs, sigma)
-    body = (1 - revolve) * balls.height_squared + revolve * revolved
-    smooth = _smoothed(body, long_mask, balls.radius, sigma)[:size] * gain**2
-    height = np.sqrt(np.where(mask, smooth, 0))
-    crop = Balls(*(field[:size] for field in (balls.height_squared, balls.centre_y, balls.centre_x, balls.radius)))
+    body = (1 - share) * balls.height_squared + share * revolved
+    # Balls meet in creases; a body of revolution has none, but edges that should stay.
+    smooth = (1 - share) * _smoothed(body, long_mask, balls.radius, sigma)
+    smooth += share * _smoothed(body, long_mask, balls.radius, EDGE_SMOOTHING * sigma)
+    height = np.sqrt(np.where(mask, smooth[:size] * gain**2, 0))
+    crop = Balls(balls.height_squared[:size], balls.centre_y[:size], balls.centre_x[:size], balls.radius[:size])
     rows = Runs(runs.centre[:size], runs.half_width[:size], runs.count[:size])
     y, x = np.mgrid[:size, :size]
     offset = (1 - revolve) * ((x - crop.centre_x) ** 2 + (y - crop.centre_y) ** 2) + revolve * along[:size] ** 2
@@ -83,20 +90,14 @@ def relief(segments: NDArray[np.int64], mask: NDArray[np.bool_]) -> tuple[NDArra
     border = np.zeros(segments.shape, bool)
     border[:, 1:] |= segments[:, 1:] != segments[:, :-1]
     border[1:] |= segments[1:] != segments[:-1]
-    depth = np.minimum(np.asarray(nd.distance_transform_edt(~border)), reach)
+    depth = np.minimum(depth_inside(~border), reach)
     bulge = RELIEF_GAIN * np.sqrt(2 * reach * depth - depth**2)
-    rim_band = mask & (np.asarray(nd.distance_transform_edt(mask)) < 2.5)
+    rim_band = mask & (depth_inside(mask) < 2.5)
     wraps = np.isin(segments, np.unique(segments[rim_band]))
     middle = RELIEF_GAIN * reach
     front = np.where(mask, bulge - 0.6 * middle, 0)
     back = np.where(mask, np.where(wraps, bulge, middle) - 0.6 * middle, 0)
     return nd.gaussian_filter(front, 1.2), nd.gaussian_filter(back, 1.5)
-
-
-def smoothstep(x: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
-    """0 below ``low``, 1 above ``high``, a smooth cubic between."""
-    t = np.clip((x - low) / (high - low), 0, 1)
-    return t * t * (3 - 2 * t)
 
 
 def _revolved(outline: Silhouette, runs: Runs, sigma: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -105,9 +106,9 @@ def _revolved(outline: Silhouette, runs: Runs, sigma: float) -> tuple[NDArray[np
     vertical = horizontal_runs(np.ascontiguousarray(mask.T)).half_width.T
     typical = np.zeros(long_mask.shape)
     for y in np.flatnonzero(mask.any(1)):
-        labels, count = nd.label(mask[y])
-        for run in range(1, count + 1):
-            typical[y, labels == run] = np.median(vertical[y, labels == run])
+        ends = np.flatnonzero(np.diff(mask[y].astype(np.int8), prepend=0, append=0))
+        for first, last in zip(ends[::2], ends[1::2], strict=True):
+            typical[y, first:last] = np.median(vertical[y, first:last])
     if outline.base_row is not None:
         typical[outline.base_row :] = typical[max(outline.base_row - 3, 0)]
         gaps = typical == 0
@@ -124,35 +125,8 @@ def _smoothed(
     body: NDArray[np.float64], mask: NDArray[np.bool_], radius: NDArray[np.float64], sigma: float
 ) -> NDArray[np.float64]:
     """h^2 without creases; the outside falls off like the inside rises, so that the rim stays where it is."""
-    outside, nearest = nd.distance_transform_edt(~mask, return_indices=True)
-    slope = 2 * np.maximum(radius[tuple(nearest)], 2)
-    signed = np.where(mask, body, -np.minimum(slope, 6.0) * outside)
+    slope = np.minimum(2 * np.maximum(radius[nearest_inside(mask)], 2), 6.0)
+    signed = np.where(mask, body, -slope * depth_inside(~mask))
     smooth = nd.gaussian_filter(signed, sigma)
-    rim = np.maximum(np.asarray(nd.distance_transform_edt(mask)) - 0.5, 0)
+    rim = np.maximum(depth_inside(mask) - 0.5, 0)
     return np.where(mask, np.maximum(smooth, 0.02 * rim), 0)
-
-
-def _revolve_evidence(mask: NDArray[np.bool_], rgb: NDArray[np.float32], run_count: NDArray[np.int64]) -> float:
-    """1 for what looks like a body of revolution: mirror symmetric, coloured in rows, one run per row."""
-    weight = mask.astype(float)
-    row_mean = (rgb * weight[..., None]).sum(1) / np.maximum(weight.sum(1), 1)[:, None]
-    residual = float(((rgb - row_mean[:, None])[mask] ** 2).sum())
-    total = float(((rgb[mask] - rgb[mask].mean(0)) ** 2).sum())
-    row_share = 1 - residual / max(total, 1e-9) if total > 1e-3 * mask.sum() else 1.0
-    single = float(weight.sum(1)[run_count == 1].sum() / weight.sum())
-    parts = (_mirror_iou(mask), 0.84, 0.92), (row_share, 0.2, 0.4), (single, 0.75, 0.9)
-    return float(np.prod([smoothstep(np.array(value), low, high) for value, low, high in parts]))
-
-
-def _mirror_iou(mask: NDArray[np.bool_]) -> float:
-    """Overlap of the mask with its mirror image about the best vertical axis."""
-    rows, columns = np.nonzero(mask)
-    size, count = mask.shape[1], len(columns)
-    middle = int(2 * np.median(columns))
-    best = 0.0
-    for twice_axis in range(middle - size // 10, middle + size // 10 + 1):
-        mirrored = twice_axis - columns
-        valid = (mirrored >= 0) & (mirrored < size)
-        shared = int(mask[rows[valid], mirrored[valid]].sum())
-        best = max(best, shared / (2 * count - shared))
-    return best
