@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.types import rotation_to_z_up
+from phys4dgen.zoo.blade import Blade
 from phys4dgen.zoo.dressing import Dressed, lit_gaussians
 from phys4dgen.zoo.lights import LIGHTS
 from phys4dgen.zoo.patch import Array, Patch
@@ -156,8 +157,8 @@ def _within(points: Array, shape: Shape) -> NDArray[np.bool_]:
 
 
 def _buried(points: Array, own: Shape, parts: Sequence[Part]) -> NDArray[np.bool_]:
-    """Which points [N, 3] of a shape's surface lie inside another shape."""
-    others = [shape for part in parts for shape in part.shapes if shape is not own]
+    """Which points [N, 3] of a shape's surface lie inside another shape; sheets are too thin to bury anything."""
+    others = [s for part in parts for s in part.shapes if s is not own and not isinstance(s, Blade)]
     return np.any([_within(points, shape) for shape in others], axis=0) if others else np.zeros(len(points), bool)
 
 
@@ -182,13 +183,19 @@ def _shared_m3(shape: Shape, owners: Sequence[Shape]) -> float:
     near = [o for o in owners if (np.minimum(shape.upper, o.upper) > np.maximum(shape.lower, o.lower)).all()]
     if not near:
         return 0.0
+    points, weight_m3 = shape.volume_points() if isinstance(shape, Blade) else _lattice(shape, near)
+    shared = np.any([_within(points, owner) for owner in near], axis=0)
+    return float((weight_m3 * shared).sum())
+
+
+def _lattice(shape: Shape, near: Sequence[Shape]) -> tuple[Array, Array]:
+    """Points [M, 3] of ``shape`` in the box that it shares with ``near``, and the volume that each stands for."""
     lower = np.maximum(shape.lower, np.min([owner.lower for owner in near], axis=0))
     upper = np.minimum(shape.upper, np.max([owner.upper for owner in near], axis=0))
     cell = (upper - lower) / OVERLAP_SIDE
     points = lower + (np.argwhere(np.ones((OVERLAP_SIDE,) * 3)) + 0.5) * cell
     points = points[shape.contains(points)]
-    shared = np.any([_within(points, owner) for owner in near], axis=0)
-    return float(np.count_nonzero(shared) * cell.prod())
+    return points, np.full(len(points), cell.prod())
 
 
 def _default_scene(parts: Sequence[Part], height_m: float, held: Sequence[str]) -> dict[str, Any]:

@@ -147,6 +147,19 @@ class Blade:
         """Area times thickness (curvature changes it only in third order of the thickness)."""
         return self.area_m2 * self.thickness_m
 
+    def volume_points(self) -> tuple[Array, Array]:
+        """Points all through the sheet [M, 3] and the volume that each stands for [M]."""
+        n_u, n_v, n_t = 48, 10, 2
+        axes = ((np.arange(n) + 0.5) / n for n in (n_u, n_v, n_t))
+        u, v, t = (grid.ravel() for grid in np.meshgrid(*axes))
+        w = self.half_width(u)
+        x = (2 * v - 1) * w
+        along, across = self.derivatives(u, x)
+        area = np.linalg.norm(np.cross(along, across), axis=1) * 2 * w / (n_u * n_v)
+        _, normal = self.frame(u, x)
+        points = self.mid_surface(u, x) + ((t - 0.5) * self.thickness_m)[:, None] * normal
+        return points, area * self.thickness_m / n_t
+
     def sample(self, spacing_m: float, rng: np.random.Generator) -> Patch:
         """Both faces, a sparse filling between them and the margin; ``coords`` = (u, x / w(u), face).
 

@@ -6,10 +6,19 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from phys4dgen.errors import SceneError, did_you_mean
+from phys4dgen.zoo.balloon import balloon
+from phys4dgen.zoo.basketball import basketball
+from phys4dgen.zoo.carnation import carnation
+from phys4dgen.zoo.cup import cup
+from phys4dgen.zoo.hamburger import hamburger
 from phys4dgen.zoo.hammer import hammer
 from phys4dgen.zoo.lights import LIGHTS
 from phys4dgen.zoo.potted_flower import potted_flower
+from phys4dgen.zoo.rubber_duck import rubber_duck
+from phys4dgen.zoo.sandcastle import sandcastle
 from phys4dgen.zoo.snowman import snowman
+from phys4dgen.zoo.straw_hat import straw_hat
+from phys4dgen.zoo.telephone import telephone
 from phys4dgen.zoo.zoo_object import ZooObject
 
 __all__ = ["BUNDLED", "Builder", "bundled"]
@@ -27,6 +36,15 @@ BUNDLED: Mapping[str, Builder] = {
     "potted_flower": potted_flower,
     "snowman": snowman,
     "hammer": hammer,
+    "carnation": carnation,
+    "hamburger": hamburger,
+    "basketball": basketball,
+    "rubber_duck": rubber_duck,
+    "sandcastle": sandcastle,
+    "telephone": telephone,
+    "straw_hat": straw_hat,
+    "balloon": balloon,
+    "cup": cup,
 }
 
 

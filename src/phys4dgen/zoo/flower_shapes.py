@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from phys4dgen.zoo import texture
 from phys4dgen.zoo.blade import Blade
 from phys4dgen.zoo.patch import Array, Patch, ragged_rows, staggered
-from phys4dgen.zoo.solids import Revolved, Tube, rounded_profile
+from phys4dgen.zoo.solids import Revolved, Tube, bezier, rounded_profile
 from phys4dgen.zoo.zoo_object import PartTruth
 
 __all__ = [
@@ -101,7 +101,7 @@ class FlowerShapes:
         """Draw the irregularities of leaves and petals from ``seed``."""
         self.seed = seed
         rng = np.random.default_rng([seed, 1])
-        self._stem_line = _bezier(STEM_CONTROLS_M, 400)
+        self._stem_line = bezier(STEM_CONTROLS_M, 400)
         rise = self._stem_line[-1] - self._stem_line[-2]
         face = rise / np.linalg.norm(rise) + np.array([0.08, -0.10, 0.62])  # nods a little towards the viewer at +z
         self.head_axis: Array = face / np.linalg.norm(face)
@@ -208,7 +208,7 @@ class FlowerShapes:
         along = (rib[1] - rib[0]) / np.linalg.norm(rib[1] - rib[0])
         controls = np.array([foot, knee - 0.25 * reach * along, rib[0] - 0.45 * reach * along, rib[0]])
         radius = np.concatenate([PETIOLE_RADIUS_M * np.linspace(1.18, 1.0, 60), rib_radius[1:]])
-        return blade, Tube(np.vstack([_bezier(controls, 60), rib[1:]]), radius)
+        return blade, Tube(np.vstack([bezier(controls, 60), rib[1:]]), radius)
 
     def _petal(self, index: int, rng: np.random.Generator) -> Blade:
         """One petal; it starts inside the rim of the heart."""
@@ -315,10 +315,3 @@ def _sheets_truth(material: str, blades: list[Blade]) -> PartTruth:
         sum(blade.area_m2 for blade in blades),
         blades[0].thickness_m,
     )
-
-
-def _bezier(controls: Array, count: int) -> Array:
-    """Points of a cubic Bezier curve, shape [count, 3]."""
-    t = np.linspace(0, 1, count)[:, None]
-    weights = np.hstack([(1 - t) ** 3, 3 * (1 - t) ** 2 * t, 3 * (1 - t) * t**2, t**3])
-    return weights @ controls

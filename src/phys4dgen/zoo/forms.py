@@ -23,6 +23,8 @@ __all__ = [
     "ellipsoid",
     "hollow",
     "lathe",
+    "lifted",
+    "mirrored",
     "placed",
     "ring",
     "rod",
@@ -167,15 +169,10 @@ def united(*solids: Implicit) -> Implicit:
 
 def blended(radius_m: float, *solids: Implicit) -> Implicit:
     """All of the solids with a fillet of about ``radius_m`` where they meet."""
-
-    def smooth_minimum(a: Array, b: Array) -> Array:
-        share = np.maximum(radius_m - np.abs(a - b), 0) / radius_m
-        return np.minimum(a, b) - share * share * radius_m / 4
-
     whole = united(*solids)
     return replace(
         whole,
-        distance=lambda p: reduce(smooth_minimum, (solid.distance(p) for solid in solids)),
+        distance=lambda p: reduce(lambda a, b: _fillet(a, b, radius_m), (solid.distance(p) for solid in solids)),
         lower=whole.lower - radius_m / 4,
         upper=whole.upper + radius_m / 4,
     )
@@ -188,8 +185,7 @@ def carved(solid: Implicit, *tools: Implicit, radius_m: float = 0.0) -> Implicit
         value = solid.distance(points)
         for tool in tools:
             other = -tool.distance(points)
-            share = np.maximum(radius_m - np.abs(value - other), 0) / max(radius_m, 1e-9)
-            value = np.maximum(value, other) + share * share * radius_m / 4
+            value = np.maximum(value, other) if radius_m == 0 else -_fillet(-value, -other, radius_m)
         return value
 
     return replace(solid, distance=distance)
@@ -202,6 +198,27 @@ def shaped(solid: Implicit, swell: Callable[[Array], Array], *, reach_m: float) 
         distance=lambda p: solid.distance(p) - swell(p),
         lower=solid.lower - reach_m,
         upper=solid.upper + reach_m,
+    )
+
+
+def lifted(solid: Implicit, lift: Callable[[Array, Array], Array], *, reach_m: float) -> Implicit:
+    """The solid with its points raised by ``lift(x, z)`` (metres, at most ``reach_m`` up or down); the volume stays."""
+
+    def distance(points: Array) -> Array:
+        rise = lift(points[:, 0], points[:, 2])
+        return solid.distance(np.stack([points[:, 0], points[:, 1] - rise, points[:, 2]], 1))
+
+    reach = np.array([0.0, reach_m, 0.0])
+    return replace(solid, distance=distance, lower=solid.lower - reach, upper=solid.upper + reach)
+
+
+def mirrored(solid: Implicit) -> Implicit:
+    """The solid of the quarter x, z >= 0 in all four quarters."""
+    fold = np.array([True, False, True])
+    return replace(
+        solid,
+        distance=lambda p: solid.distance(np.where(fold, np.abs(p), p)),
+        lower=np.where(fold, -solid.upper, solid.lower),
     )
 
 
@@ -226,6 +243,12 @@ def _outline_distance(outline: Array, points: Array) -> Array:
             along = np.clip(gap @ edge / max(edge @ edge, 1e-18), 0, 1)
             np.minimum(nearest, _length(gap - along[:, None] * edge), out=nearest)
     return np.where(odd, -nearest, nearest)
+
+
+def _fillet(first: Array, second: Array, radius_m: float) -> Array:
+    """The smaller of two distances [N], less where both are small: a fillet in the crease."""
+    share = np.maximum(radius_m - np.abs(first - second), 0) / radius_m
+    return np.minimum(first, second) - share * share * (radius_m / 4)
 
 
 def _length(vectors: Array) -> Array:

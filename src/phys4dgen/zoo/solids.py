@@ -1,7 +1,8 @@
-"""Rods along a curve and solids of revolution: stems, pots, the heart of a flower."""
+"""Rods along a curve and solids of revolution, and either of them warped: stems, pots, hats."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,7 +12,7 @@ from scipy.spatial import KDTree
 
 from phys4dgen.zoo.patch import Array, Patch, ragged_rows, staggered
 
-__all__ = ["Revolved", "Tube", "rounded_profile"]
+__all__ = ["Lifted", "Revolved", "Tube", "bezier", "rounded_profile"]
 
 OVERLAP = 0.62
 """Standard deviation of a Gaussian in units of the spacing."""
@@ -227,6 +228,66 @@ class Revolved:
         return odd
 
 
+@dataclass(frozen=True, eq=False)
+class Lifted:
+    """A solid of revolution whose points are raised by ``lift(x, z)``: a shear, which keeps the volume; metres.
+
+    Attributes:
+        flat: the solid before; its axis is the y axis.
+        lift: heights in metres [N] at x [N] and z [N].
+        reach_m: greatest height and depth of ``lift``.
+    """
+
+    flat: Revolved
+    lift: Callable[[Array, Array], Array]
+    reach_m: float
+
+    @property
+    def volume_m3(self) -> float:
+        """As before the lift."""
+        return self.flat.volume_m3
+
+    @property
+    def lower(self) -> Array:
+        """Corner of a box around the solid, shape [3]."""
+        return self.flat.lower - np.array([0.0, self.reach_m, 0.0])
+
+    @property
+    def upper(self) -> Array:
+        """The opposite corner, shape [3]."""
+        return self.flat.upper + np.array([0.0, self.reach_m, 0.0])
+
+    def contains(self, points: Array) -> NDArray[np.bool_]:
+        """Whether each point [N, 3] lies inside the solid."""
+        return self.flat.contains(points - self._rise(points))
+
+    def sample(self, spacing_m: float, rng: np.random.Generator) -> Patch:
+        """Samples of the surface; ``coords`` as before the lift."""
+        patch = self.flat.sample(spacing_m, rng)
+        x, z = patch.points[:, 0], patch.points[:, 2]
+        step = 1e-5
+        slope_x = (self.lift(x + step, z) - self.lift(x - step, z)) / (2 * step)
+        slope_z = (self.lift(x, z + step) - self.lift(x, z - step)) / (2 * step)
+        nx, ny, nz = patch.normals.T
+        normals = np.stack([nx - slope_x * ny, ny, nz - slope_z * ny], 1)  # the inverse transpose of the shear
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        tx, ty, tz = patch.tangents.T
+        tangents = np.stack([tx, ty + slope_x * tx + slope_z * tz, tz], 1)
+        tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+        return Patch(patch.points + self._rise(patch.points), normals, tangents, patch.sigmas, patch.coords)
+
+    def _rise(self, points: Array) -> Array:
+        zero = np.zeros(len(points))
+        return np.stack([zero, self.lift(points[:, 0], points[:, 2]), zero], 1)
+
+
+def bezier(controls: Array, count: int) -> Array:
+    """Points of a cubic Bezier curve, shape [count, 3]."""
+    t = np.linspace(0, 1, count)[:, None]
+    weights = np.hstack([(1 - t) ** 3, 3 * (1 - t) ** 2 * t, 3 * (1 - t) * t**2, t**3])
+    return weights @ controls
+
+
 def rounded_profile(corners: Array, radii_m: Array, *, steps: int = 6) -> Array:
     """An open polyline whose inner corners are replaced by quadratic arcs.
 
@@ -234,7 +295,14 @@ def rounded_profile(corners: Array, radii_m: Array, *, steps: int = 6) -> Array:
         corners: points (radius, height), shape [K, 2]; the first and the last stay.
         radii_m: distance from each corner at which its arc starts, 0 keeps it sharp, shape [K].
         steps: points per arc.
+
+    Raises:
+        ValueError: two arcs overlap.
     """
+    room = np.linalg.norm(np.diff(corners, axis=0), axis=1) - radii_m[:-1] - radii_m[1:]
+    if room.min() < -1e-12:
+        tight = int(np.argmin(room))
+        raise ValueError(f"radii_m: the arcs of corners {tight} and {tight + 1} overlap by {-room[tight]:.4f} m.")
     line = [corners[0]]
     t = np.linspace(0, 1, steps)[:, None]
     for before, corner, after, radius in zip(corners[:-2], corners[1:-1], corners[2:], radii_m[1:-1], strict=True):
