@@ -5,7 +5,7 @@ Start reading at ``step.py`` (what happens in a substep) and ``simulator.py`` (f
 
 from phys4dgen.mpm.body import Body
 from phys4dgen.mpm.laws import LawId
-from phys4dgen.mpm.settings import Acceleration, Settings
+from phys4dgen.mpm.settings import Acceleration, Ground, Settings
 from phys4dgen.mpm.simulator import Frame, Simulator
 from phys4dgen.mpm.timestep import Estimate, StiffPart, affordable_modulus_pa, stiff_parts
 
@@ -14,6 +14,7 @@ __all__ = [
     "Body",
     "Estimate",
     "Frame",
+    "Ground",
     "LawId",
     "Settings",
     "Simulator",

@@ -28,6 +28,10 @@ class Body:
         held: particles that never move, shape [P], bool.
         part_names: G names, for messages.
         velocities_ms: velocities at t = 0, shape [P, 3]; zero if not given, and for held particles.
+        rigid_group: particles with the same number 0, 1, .. move as one rigid body; -1 for soft ones, as by default;
+            shape [P]. A part in several pieces needs one number for each. Held particles ignore it.
+        bonded_to_held: where held material is near at rest: True for particles that have grown together with it, as
+            by default, and are clamped; False for those that only touch or hang beside it, shape [P], bool.
     """
 
     positions_m: NDArray[np.float64]
@@ -40,17 +44,23 @@ class Body:
     held: NDArray[np.bool_]
     part_names: tuple[str, ...]
     velocities_ms: NDArray[np.float64] | None = None
+    rigid_group: NDArray[np.int32] | None = None
+    bonded_to_held: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         positions = checked_array(self.positions_m, "positions_m", (None, 3), np.float64)
         p = len(positions)
         velocities = np.zeros((p, 3)) if self.velocities_ms is None else self.velocities_ms
+        rigid = np.full(p, -1, np.int32) if self.rigid_group is None else self.rigid_group
+        bonded = np.ones(p, np.bool_) if self.bonded_to_held is None else self.bonded_to_held
         checked = {
             "positions_m": positions,
             "velocities_ms": checked_array(velocities, "velocities_ms", (p, 3), np.float64),
             "law": checked_array(self.law, "law", (p,), np.int32),
             "part": checked_array(self.part, "part", (p,), np.int32),
             "held": checked_array(self.held, "held", (p,), np.bool_),
+            "rigid_group": checked_array(rigid, "rigid_group", (p,), np.int32),
+            "bonded_to_held": checked_array(bonded, "bonded_to_held", (p,), np.bool_),
         }
         for name in ("volume_m3", "density_kgm3", "youngs_modulus_pa", "poisson_ratio"):
             checked[name] = checked_array(getattr(self, name), name, (p,), np.float64)
@@ -71,6 +81,17 @@ class Body:
 
     def __len__(self) -> int:
         return len(self.positions_m)
+
+    @property
+    def is_rigid(self) -> NDArray[np.bool_]:
+        """Particles that move as part of a rigid body, shape [P]."""
+        assert self.rigid_group is not None
+        return (self.rigid_group >= 0) & ~self.held
+
+    @property
+    def is_soft(self) -> NDArray[np.bool_]:
+        """Particles that deform, shape [P]; the rest is rigid or held."""
+        return ~self.held & ~self.is_rigid
 
     @property
     def mass_kg(self) -> NDArray[np.float64]:

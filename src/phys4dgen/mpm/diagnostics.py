@@ -47,10 +47,10 @@ def kinetic_energy_j(
 
 
 def elastic_energy_j(body: Body, moving: NDArray[np.int64], deformation_gradients: NDArray[Any]) -> float:
-    """Total stored energy in joules of the moving particles, F [M, 3, 3]."""
+    """Total stored energy in joules of the moving particles, F [M, 3, 3]; rigid ones store none."""
     total = 0.0
     for law_id in np.unique(body.law[moving]):
-        chosen = body.law[moving] == law_id
+        chosen = (body.law[moving] == law_id) & body.is_soft[moving]
         p = moving[chosen]
         density = LAWS[LawId(law_id)].energy_density_pa(
             deformation_gradients[chosen].astype(np.float64), body.lame_mu_pa[p], body.lame_lambda_pa[p]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from phys4dgen.mpm.contacts import contact_arrays, ground_nodes
 from phys4dgen.mpm.held import HeldNodes
 from phys4dgen.mpm.kernels.sorting import span_rows
 
@@ -28,11 +29,25 @@ class Grid:
         nodes: nodes along x, y, z; nz is a multiple of 4.
         momentum: private grids of the chunks, (px, py, pz, mass) per node, float32 [chunks, 4 nodes + spare].
         velocity: (vx, vy, vz, .) per node, float32 [4 nodes + spare].
+        unblocked: the velocity but for the ground's contact, for rigid parts, as ``velocity``; empty without them.
+        contacts: nodes that obstacles limit, see ``contacts.contact_arrays``.
         free: 1 where a node may move, 0 where it is held, float32 [nodes + spare].
     """
 
-    def __init__(self, extent: NDArray[np.int64], *, chunks: int, padding: int, held: HeldNodes) -> None:
-        """Lay a grid around particles whose lowest nodes span ``extent`` (low and high along x, y, z)."""
+    def __init__(
+        self,
+        extent: NDArray[np.int64],
+        *,
+        chunks: int,
+        padding: int,
+        held: HeldNodes,
+        ground: tuple[int, int, float] | None = None,
+        with_rigid: bool = False,
+    ) -> None:
+        """Lay a grid around particles whose lowest nodes span ``extent`` (low and high along x, y, z).
+
+        ``ground`` is its highest node along z, its kind of contact and its friction.
+        """
         self.shift = extent[0::2] - _DRIFT - padding
         self.nodes = self.nodes_for(extent, padding)
         count = int(np.prod(self.nodes))
@@ -40,6 +55,11 @@ class Grid:
         self.velocity = np.zeros(4 * count + _SPARE, np.float32)
         self.free = np.ones(count + _SPARE, np.float32)
         self._spans = np.zeros((chunks, *self.nodes[:2], 2), np.int32)
+        self.unblocked = np.zeros(len(self.velocity) if with_rigid else 0, np.float32)
+        obstacles = [held.contacts()]
+        if ground is not None:
+            obstacles.append(ground_nodes(*ground, shift=self.shift, nodes=self.nodes))
+        self.contacts = contact_arrays(obstacles, shift=self.shift, nodes=self.nodes)
         held.write_to(self.free[:count].reshape(self.nodes), self.shift)
 
     @staticmethod

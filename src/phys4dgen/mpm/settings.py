@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Acceleration", "Settings"]
+__all__ = ["Acceleration", "Ground", "Settings"]
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,35 @@ class Acceleration:
 
 
 @dataclass(frozen=True)
+class Ground:
+    """A horizontal plane that carries the body.
+
+    Attributes:
+        height_m: its z.
+        contact: "separate": nothing moves into it, and everything may leave it; what slides is slowed by Coulomb
+            friction. "slip": no motion through it in either direction, no friction. "sticky": what touches it stays.
+        friction: Coulomb's coefficient for "separate".
+        restitution: share of its normal velocity with which a rigid part leaves the ground again, 0 to 1; soft parts
+            bounce by their own elasticity.
+    """
+
+    height_m: float
+    contact: Literal["separate", "slip", "sticky"] = "separate"
+    friction: float = 0.5
+    restitution: float = 0.2
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.height_m):
+            raise ValueError(f"height_m: expected a finite number, got {self.height_m}.")
+        if self.contact not in ("separate", "slip", "sticky"):
+            raise ValueError(f"contact: expected 'separate', 'slip' or 'sticky', got '{self.contact}'.")
+        if not (math.isfinite(self.friction) and self.friction >= 0):
+            raise ValueError(f"friction: expected zero or more, got {self.friction}.")
+        if not 0 <= self.restitution <= 1:
+            raise ValueError(f"restitution: expected 0 to 1, got {self.restitution}.")
+
+
+@dataclass(frozen=True)
 class Settings:
     """Everything about a simulation that is not the body.
 
@@ -51,6 +81,8 @@ class Settings:
         dx_m: side of a grid cell, metres.
         frame_time_s: simulated time between two frames, seconds.
         gravity_ms2: uniform acceleration of everything that is not held, m/s2.
+        ground: plane that carries the body, or None.
+        held_friction: Coulomb's coefficient on held parts for what is not bonded to them.
         accelerations: loads on parts over time windows.
         damping_per_s: mass-proportional damping alpha: velocities decay as exp(-alpha t); alpha = 4 pi zeta f1.
         damping_relative_to_rigid: damp only what differs from the body's rigid motion (momentum and angular momentum
@@ -66,6 +98,8 @@ class Settings:
     dx_m: float
     frame_time_s: float
     gravity_ms2: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ground: Ground | None = None
+    held_friction: float = 0.3
     accelerations: tuple[Acceleration, ...] = ()
     damping_per_s: float = 0.0
     damping_relative_to_rigid: bool = False
@@ -82,6 +116,8 @@ class Settings:
                 raise ValueError(f"{name}: expected a positive number, got {value}.")
         if not (math.isfinite(self.damping_per_s) and self.damping_per_s >= 0):
             raise ValueError(f"damping_per_s: expected zero or more, got {self.damping_per_s}.")
+        if not (math.isfinite(self.held_friction) and self.held_friction >= 0):
+            raise ValueError(f"held_friction: expected zero or more, got {self.held_friction}.")
         if len(self.gravity_ms2) != 3 or not all(math.isfinite(value) for value in self.gravity_ms2):
             raise ValueError(f"gravity_ms2: expected three finite numbers, got {self.gravity_ms2}.")
         for name, least in (

@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 from phys4dgen.errors import SimulationError
 from phys4dgen.mpm import diagnostics
 from phys4dgen.mpm.body import Body
+from phys4dgen.mpm.contacts import CONTACT_KINDS, GROUND_GAP_CELLS
 from phys4dgen.mpm.forces import peak_acceleration_ms2, velocity_gains_ms
 from phys4dgen.mpm.grid import Grid
 from phys4dgen.mpm.held import HeldNodes, with_simulated_skin
+from phys4dgen.mpm.kernels.compiled_pass import address_of_pass
 from phys4dgen.mpm.kernels.layout import AFFINE, MASS, PART, POSITION, VELOCITY
+from phys4dgen.mpm.kernels.rigid_pass import place_rigid
 from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
+from phys4dgen.mpm.rigid import RigidParts
 from phys4dgen.mpm.settings import Settings
 from phys4dgen.mpm.state import Particles
 from phys4dgen.mpm.step import advance
@@ -81,11 +85,21 @@ class Simulator:
         self.settings = settings
         self._dx = np.float32(settings.dx_m)
         self._origin_m = body.positions_m.min(0)
+        self._ground_node = self._align_with_ground()
         places = (body.positions_m - self._origin_m) / settings.dx_m
-        self._held = HeldNodes.from_particles(places, body.mass_kg, body.held)
+        self._held = HeldNodes.from_body(body, places, dx_m=settings.dx_m, friction=settings.held_friction)
         self._simulated = with_simulated_skin(body, self._held, places)
         self._particles = Particles(self._simulated, origin_m=self._origin_m, chunks=settings.chunks)
-        self._wave_speed_ms = float(self._simulated.wave_speed_ms[self._particles.moving].max())
+        self._passes = np.array([address_of_pass(law) for law in self._particles.laws])
+        self._wave_speed_ms = float(self._simulated.wave_speed_ms[self._simulated.is_soft].max(initial=0.0))
+        self._rigid = RigidParts.from_body(
+            body, origin_m=self._origin_m, mass_unit_kg=self._particles.mass_unit_kg, dx_m=settings.dx_m
+        )
+        if self._rigid is not None:
+            for first, last in self._particles.ranges[self._particles.soft_ranges :].reshape(-1, 2):
+                place_rigid(
+                    self._particles.columns, first, last, self._rigid.group_of, self._rigid.offsets, self._rigid.motion
+                )
         stride = self._particles.columns.shape[1]
         self._cells = np.full((3, stride), NEVER_SEEN, np.int32)
         self._extent = np.zeros(6, np.int64)
@@ -96,9 +110,29 @@ class Simulator:
         self._frames_done = 0
         self.frame = self._make_frame(substeps=0, dt_s=0.0)
 
+    def _align_with_ground(self) -> int:
+        """Lower the origin until the ground's highest node is a node of the grid; returns that node.
+
+        Raises:
+            SimulationError: something that moves starts below the ground.
+        """
+        ground, body, dx_m = self.settings.ground, self.body, self.settings.dx_m
+        if ground is None:
+            return 0
+        heights = np.where(body.held, np.inf, body.positions_m[:, 2])
+        lowest = int(heights.argmin())
+        if heights[lowest] < ground.height_m - 0.5 * dx_m:
+            raise SimulationError(
+                f"Part '{body.part_names[body.part[lowest]]}' starts {ground.height_m - heights[lowest]:.3g} m below "
+                f"the ground at z = {ground.height_m:.4g} m; lower the ground or raise the body."
+            )
+        plane_m = ground.height_m - GROUND_GAP_CELLS * dx_m
+        self._origin_m[2] -= (self._origin_m[2] - plane_m) % dx_m
+        return round((plane_m - self._origin_m[2]) / dx_m)
+
     def estimate(self) -> Estimate:
         """Work of one frame, from the material and from speed and loads at t = 0."""
-        substeps = substeps_for(self._wave_speed_ms, expected_speed_ms(self.body, self.settings), self.settings)
+        substeps = self._substeps_for(expected_speed_ms(self.body, self.settings))
         dt_s = self.settings.frame_time_s / substeps
         return Estimate(substeps, substeps * len(self._particles.moving), dt_s)
 
@@ -115,7 +149,7 @@ class Simulator:
         end_s = number * settings.frame_time_s
         load = peak_acceleration_ms2(settings, start_s, end_s)
         speed = self._max_speed_ms + load * settings.frame_time_s
-        substeps = substeps_for(self._wave_speed_ms, speed, settings)
+        substeps = self._substeps_for(speed)
         if substeps > settings.max_substeps_per_frame:
             raise SimulationError(
                 f"Frame {number} at {start_s:.4g} s needs {substeps} substeps for a speed of {speed:.3g} m/s, "
@@ -136,6 +170,10 @@ class Simulator:
         self.frame = self._make_frame(substeps=substeps, dt_s=dt_s)
         return self.frame
 
+    def _substeps_for(self, speed_ms: float) -> int:
+        rigid_contact = self._rigid is not None and self.settings.ground is not None
+        return substeps_for(self._wave_speed_ms, speed_ms, self.settings, rigid_contact=rigid_contact)
+
     def _segment(self, times_s: NDArray[Any], dt_s: float) -> None:
         """Sort, then take the substeps that ``times_s`` bounds."""
         settings, particles, grid = self.settings, self._particles, self._grid
@@ -150,7 +188,7 @@ class Simulator:
         kicks = parts if parts.any() else parts[:, :0]
         damping = -math.expm1(-settings.damping_per_s * dt_s)
         advance(
-            particles.laws,
+            self._passes,
             particles.columns,
             particles.spare,
             self._order,
@@ -160,6 +198,7 @@ class Simulator:
             grid.momentum,
             grid.velocity,
             grid.free,
+            grid.contacts,
             grid.numbers,
             self._dx,
             np.float32(dt_s),
@@ -167,8 +206,24 @@ class Simulator:
             kicks.astype(np.float32),
             np.float32(damping),
             self._undamped_motion(everything, parts, dt_s),
+            self._rigid_arguments(),
         )
         particles.columns, particles.spare = particles.spare, particles.columns
+
+    def _rigid_arguments(self) -> tuple[Any, ...] | None:
+        if self._rigid is None:
+            return None
+        ground = self.settings.ground
+        plane = (0.0, -1, 0.0, 0.0)
+        if ground is not None:
+            height = float(ground.height_m - self._origin_m[2])
+            plane = (height, CONTACT_KINDS[ground.contact], float(ground.friction), float(ground.restitution))
+        return self._rigid.kernel_arguments(
+            soft_ranges=self._particles.soft_ranges,
+            unblocked=self._grid.unblocked,
+            chunks=self.settings.chunks,
+            ground=plane,
+        )
 
     def _undamped_motion(
         self, everything: NDArray[np.float64], parts: NDArray[np.float64], dt_s: float
@@ -225,7 +280,15 @@ class Simulator:
                 f"{settings.max_grid_nodes} are allowed, and part '{name}' is farthest from where the body was; use a "
                 f"larger dx_m, weaker forces, or raise max_grid_nodes."
             )
-        return Grid(self._extent, chunks=settings.chunks, padding=padding, held=self._held)
+        ground = settings.ground
+        return Grid(
+            self._extent,
+            chunks=settings.chunks,
+            padding=padding,
+            held=self._held,
+            ground=ground and (self._ground_node, CONTACT_KINDS[ground.contact], ground.friction),
+            with_rigid=self._rigid is not None,
+        )
 
     def _make_frame(self, *, substeps: int, dt_s: float) -> Frame:
         body, particles, dx_m = self._simulated, self._particles, self.settings.dx_m

@@ -27,11 +27,14 @@ __all__ = ["Particles"]
 
 
 class Particles:
-    """Columns of the particles that move, ordered by law and padded with massless copies to full batches.
+    """Columns of the particles that move: soft ones ordered by law, then rigid ones, each law padded to full batches.
+
+    Padding are massless copies. Rigid particles have Lame parameters of zero, so that any law gives them no stress.
 
     Attributes:
-        laws: the laws present, in the order of their ranges.
+        laws: the law of each range.
         ranges: first and one past last column place of each law in each chunk, int64 [laws, chunks, 2].
+        soft_ranges: how many ranges are soft; rigid ones follow.
         moving: numbers of the moving particles in the body, int64 [M].
         mass_unit_kg: mean mass of the moving particles.
         columns: see ``kernels.layout``, float32 [COLUMN_COUNT, stride].
@@ -43,15 +46,19 @@ class Particles:
         self._origin_m = origin_m
         self.mass_unit_kg = float(body.mass_kg[self.moving].mean())
         laws, places, ranges, start = [], [], [], 0
-        for law_id in np.unique(body.law[self.moving]):
-            members = self.moving[body.law[self.moving] == law_id]
-            batches = -(-len(members) // LANES)
-            padded = np.concatenate([members, np.full(batches * LANES - len(members), members[-1])])
-            bounds = start + LANES * np.linspace(0, batches, chunks + 1).round().astype(np.int64)
-            ranges.append(np.stack([bounds[:-1], bounds[1:]], 1))
-            laws.append(LAWS[LawId(law_id)])
-            places.append(np.stack([padded, np.arange(len(padded)) < len(members)], 1))
-            start += len(padded)
+        self.soft_ranges = 0
+        for is_rigid in (False, True):
+            chosen = self.moving[body.is_rigid[self.moving] == is_rigid]
+            for law_id in np.unique(body.law[chosen]):
+                members = chosen[body.law[chosen] == law_id]
+                batches = -(-len(members) // LANES)
+                padded = np.concatenate([members, np.full(batches * LANES - len(members), members[-1])])
+                bounds = start + LANES * np.linspace(0, batches, chunks + 1).round().astype(np.int64)
+                ranges.append(np.stack([bounds[:-1], bounds[1:]], 1))
+                laws.append(LAWS[LawId(law_id)])
+                places.append(np.stack([padded, np.arange(len(padded)) < len(members)], 1))
+                start += len(padded)
+                self.soft_ranges += not is_rigid
         self.laws: tuple[Law, ...] = tuple(laws)
         self.ranges = np.stack(ranges)
         index, real = np.concatenate(places).T
@@ -66,16 +73,16 @@ class Particles:
         columns[POSITION_REST : POSITION_REST + 3] = position - columns[POSITION : POSITION + 3]
         columns[MASS] = np.where(real, body.mass_kg[index] / self.mass_unit_kg, 0)
         columns[VOLUME] = np.where(real, body.volume_m3[index] / self.mass_unit_kg, 0)
-        columns[LAME_MU] = body.lame_mu_pa[index]
-        columns[LAME_LAMBDA] = body.lame_lambda_pa[index]
+        columns[LAME_MU] = np.where(body.is_rigid[index], 0, body.lame_mu_pa[index])
+        columns[LAME_LAMBDA] = np.where(body.is_rigid[index], 0, body.lame_lambda_pa[index])
         columns[VELOCITY : VELOCITY + 3] = body.velocities_ms[index].T
         columns[PART] = body.part[index]
-        columns[INDEX] = np.where(real, index, -1).astype(np.int32).view(np.float32)
+        columns[INDEX] = np.where(real, index, ~index).astype(np.int32).view(np.float32)
         return columns
 
     @property
     def body_index(self) -> NDArray[np.int32]:
-        """Number in the body of the particle at each place, -1 for padding."""
+        """Number in the body of the particle at each place; of padding, its bitwise complement, which is negative."""
         return self.columns[INDEX].view(np.int32)
 
     def read(self, first: int, count: int) -> NDArray[np.float32]:

@@ -4,10 +4,13 @@ A *segment* is a run of substeps between two sorts of the particles:
 
 1. sort      particles are put in the order of their cells;
 2. scatter   each particle gives its mass, its momentum and the impulse of its stress to 27 grid nodes;
-3. substeps  (a) grid: momentum / mass = velocity; accelerate, damp, hold;
+3. substeps  (a) grid: momentum / mass = velocity; accelerate, damp, hold, meet obstacles;
              (b) particles: read velocity v and its gradient C back, x += dt v, F <- (I + dt C) F, ask the
                  constitutive law for the stress, and scatter again for the next substep;
 4. gather    the last substep ends with (b) but for its scatter: x, v, C and F are then the whole state.
+
+Rigid particles split (b): they read v and C back; then (c) the momenta of each rigid group are summed, the group meets
+the ground and moves, and its particles are put into their new places and scatter.
 
 Time integration is symplectic Euler. All threads work on all of (a) by planes and on (b) by chunks of particles; a
 chunk owns a private momentum grid, so nothing is shared and the result does not depend on the number of threads.
@@ -19,18 +22,21 @@ from __future__ import annotations
 
 import numpy as np
 from numba import prange
-from numba.extending import overload
 
+from phys4dgen.mpm.kernels.compiled_pass import call_pass
 from phys4dgen.mpm.kernels.grid_pass import grid_plane
-from phys4dgen.mpm.kernels.layout import FUSED, GATHER_ONLY, SCATTER_ONLY, parallel_kernel
-from phys4dgen.mpm.kernels.particle_pass import particle_pass
+from phys4dgen.mpm.kernels.layout import FUSED, GATHER_ONLY, SCATTER_ONLY, kernel, parallel_kernel
+from phys4dgen.mpm.kernels.rigid_pass import move_rigid, place_rigid, sum_rigid
+from phys4dgen.mpm.kernels.sorting import take_sorted
 
 __all__ = ["advance"]
+
+_GRID, _PARTICLES, _RIGID = 0, 1, 2  # phases of a substep; all threads finish one before the next begins
 
 
 @parallel_kernel
 def advance(
-    laws,
+    passes,
     unsorted,
     particles,
     order,
@@ -40,18 +46,20 @@ def advance(
     momentum,
     velocity,
     free,
+    contacts,
     grid,
     dx,
     dt,
     gains,
     kicks,
     damping,
+    undamped,
     rigid,
 ):
     """Sort the particles, then advance them by one segment.
 
     Args:
-        laws: tuple of the constitutive laws present.
+        passes: address of the particle pass of each law present (``address_of_pass``), int64 [laws].
         unsorted: particle columns as the last segment left them, float32 [columns, stride].
         particles: result, the same columns in the new order.
         order: order[i] is the place in ``unsorted`` of the particle that comes to place i, int32 [stride].
@@ -61,54 +69,65 @@ def advance(
         momentum: private momentum grids, zero, float32 [chunks, 4 nodes + 64].
         velocity: grid velocity, float32 [4 nodes + 64].
         free: 1 where a node may move, else 0, float32 [nodes + 64].
+        contacts: nodes where an obstacle limits the velocity (``contacts.contact_arrays``).
         grid: (shift_x, shift_y, shift_z, ny, nz), int.
         dx: cell side, m, float32.
         dt: substep, s, float32.
         gains: velocity that every node gains in each substep, m/s, float32 [substeps, 3].
         kicks: velocity that each part gains in each substep, m/s, float32 [substeps, parts or 0, 3].
-        damping: share of the velocity relative to ``rigid`` lost per substep, float32.
-        rigid: undamped rigid motion in each substep, float32 [substeps, 9] (see ``grid_plane``).
+        damping: share of the velocity relative to ``undamped`` lost per substep, float32.
+        undamped: rigid motion that damping spares in each substep, float32 [substeps, 9] (see ``grid_plane``).
+        rigid: None, or ``RigidParts.kernel_arguments``; the last laws of ``ranges`` are then those of rigid particles.
     """
-    for column in prange(particles.shape[0]):
-        for i in range(particles.shape[1]):
-            particles[column, i] = unsorted[column, order[i]]
     substeps = len(gains)
     chunks = spans.shape[0]
     inverse_dx = np.float32(1) / dx
+    phases = 2 if rigid is None else 3
+    unblocked = velocity[:0] if rigid is None else rigid[1]
+    for substep in range(substeps + 1):
+        now, coming = max(substep - 1, 0), min(substep, substeps - 1)
+        stage = SCATTER_ONLY if substep == 0 else GATHER_ONLY if substep == substeps else FUSED
+        for phase in range(_PARTICLES if substep == 0 else _GRID, 2 if substep == 0 else phases):
+            if rigid is not None and phase == _RIGID:
+                gain = gains[now]
+                resting = np.sqrt(gain[0] * gain[0] + gain[1] * gain[1] + gain[2] * gain[2])
+                move_rigid(*rigid[4:], resting, np.float64(dt))
+            items = spans.shape[1] if phase == _GRID else chunks
+            for item in prange(items):
+                if phase == _GRID:
+                    grid_plane(
+                        item, spans, momentum, velocity, unblocked, free, contacts, grid, dx, gains[now], damping,
+                        undamped[now],
+                    )  # fmt: skip
+                else:
+                    arguments = (velocity, momentum[item], grid, bounds[item], inverse_dx, dt, kicks[coming])
+                    _chunk_phase(
+                        item, phase, stage, passes, ranges[:, item], unsorted, particles, order, dx, arguments, rigid
+                    )
+
+
+@kernel
+def _chunk_phase(chunk, phase, stage, passes, ranges, unsorted, particles, order, dx, arguments, rigid):
+    """One phase of a substep for the particles of one chunk."""
     flat = particles.ravel()
     stride = particles.shape[1]
-    for substep in range(substeps + 1):
-        if substep == 0:
-            stage = SCATTER_ONLY
-        else:
-            for plane in prange(spans.shape[1]):
-                now = substep - 1
-                grid_plane(plane, spans, momentum, velocity, free, grid, dx, gains[now], damping, rigid[now])
-            stage = GATHER_ONLY if substep == substeps else FUSED
-        coming = min(substep, substeps - 1)
-        for chunk in prange(chunks):
-            arguments = (flat, stride, velocity, momentum[chunk], grid, bounds[chunk], inverse_dx, dt, kicks[coming])
-            _pass_all_laws(laws, ranges, chunk, stage, arguments)
-
-
-def _pass_all_laws(laws, ranges, chunk, stage, arguments):
-    """``particle_pass`` for each law in turn; compiled only, see the overload below."""
-    raise NotImplementedError("_pass_all_laws works inside compiled kernels only.")
-
-
-@overload(_pass_all_laws)
-def _unroll(laws, ranges, chunk, stage, arguments):
-    """One call per law of the tuple, resolved while compiling, so that each is the law's own specialised kernel."""
-    if len(laws) == 0:
-
-        def nothing(laws, ranges, chunk, stage, arguments):
-            pass
-
-        return nothing
-
-    def first_then_rest(laws, ranges, chunk, stage, arguments):
-        first, last = ranges[-len(laws), chunk]
-        particle_pass(laws[0], stage, first, last, *arguments)
-        _pass_all_laws(laws[1:], ranges, chunk, stage, arguments)
-
-    return first_then_rest
+    soft = len(passes) if rigid is None else rigid[0]
+    for law in range(len(passes)):
+        first, last = ranges[law]
+        if stage == SCATTER_ONLY:
+            take_sorted(unsorted, particles, order, first, last)
+        if phase == _PARTICLES and (law < soft or stage == SCATTER_ONLY):
+            call_pass(passes[law], stage, first, last, flat, stride, *arguments)
+    if rigid is not None and stage != SCATTER_ONLY:
+        unblocked, group_of, offsets, motion, sums = rigid[1:6]
+        for law in range(soft, len(passes)):
+            first, last = ranges[law]
+            if phase == _PARTICLES:
+                call_pass(passes[law], GATHER_ONLY, first, last, flat, stride, unblocked, *arguments[1:])
+                if law == soft:
+                    sums[chunk] = 0
+                sum_rigid(particles, first, last, group_of, offsets, motion, dx, sums[chunk])
+            else:
+                place_rigid(particles, first, last, group_of, offsets, motion)
+                if stage == FUSED:
+                    call_pass(passes[law], SCATTER_ONLY, first, last, flat, stride, *arguments)

@@ -1,6 +1,6 @@
 """How many substeps a frame needs.
 
-Courant-Friedrichs-Lewy condition of the stiffest particle that moves: dt = C dx / (c_p + |v|),
+Courant-Friedrichs-Lewy condition of the stiffest soft particle (rigid ones carry no waves): dt = C dx / (c_p + |v|),
 c_p = sqrt((lam + 2 mu) / rho); substeps = ceil(frame time / dt). Quadratic-spline MLS-MPM was measured to be stable
 up to C of about 0.8 (nu 0.45) to 1.1 (nu 0); the default 0.4 leaves room for stiffening in compression.
 Paper: Sec. C.3 uses a fixed dt.
@@ -28,6 +28,7 @@ __all__ = [
 ]
 
 FEWEST_SUBSTEPS = 2
+_LONGEST_RIGID_CONTACT_DT_S = 1e-3  # rocking and rolling on the ground die too soon with longer substeps
 _LONGEST_SORT_INTERVAL = 50
 _CELLS_BETWEEN_SORTS = 0.3
 
@@ -74,9 +75,11 @@ class StiffPart:
         )
 
 
-def substeps_for(wave_speed_ms: float, speed_ms: float, settings: Settings) -> int:
-    """Substeps per frame for the fastest pressure wave and the fastest particle."""
+def substeps_for(wave_speed_ms: float, speed_ms: float, settings: Settings, *, rigid_contact: bool = False) -> int:
+    """Substeps per frame for the fastest pressure wave and the fastest particle, and for rigid parts on the ground."""
     dt_s = settings.cfl * settings.dx_m / max(wave_speed_ms + speed_ms, 1e-30)
+    if rigid_contact:
+        dt_s = min(dt_s, _LONGEST_RIGID_CONTACT_DT_S)
     return max(FEWEST_SUBSTEPS, math.ceil(min(settings.frame_time_s / dt_s, 2.0**52)))
 
 
@@ -107,8 +110,8 @@ def stiff_parts(body: Body, settings: Settings) -> list[StiffPart]:
     """The parts that need more than ``max_substeps_per_frame``, stiffest first."""
     speed = expected_speed_ms(body, settings)
     found = []
-    for part in np.unique(body.part[~body.held]):
-        members = np.flatnonzero((body.part == part) & ~body.held)
+    for part in np.unique(body.part[body.is_soft]):
+        members = np.flatnonzero((body.part == part) & body.is_soft)
         fastest = members[np.argmax(body.wave_speed_ms[members])]
         needed = substeps_for(float(body.wave_speed_ms[fastest]), speed, settings)
         if needed > settings.max_substeps_per_frame:

@@ -1,4 +1,4 @@
-"""Grid momentum to grid velocity: sum the private grids, divide by mass, accelerate, damp, hold.
+"""Grid momentum to grid velocity: sum the private grids, divide by mass, accelerate, damp, hold, meet obstacles.
 
 One plane of constant x per call; planes are independent, so they run on all threads.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from phys4dgen.mpm.kernels.contact import allowed_velocity
 from phys4dgen.mpm.kernels.layout import kernel
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
 from phys4dgen.vector.lanes import (
@@ -31,7 +32,7 @@ _node_in_group = constant16([0] * 4 + [1] * 4 + [2] * 4 + [3] * 4)
 
 
 @kernel
-def grid_plane(plane, spans, momentum, velocity, free, grid, dx, gain, damping, rigid):
+def grid_plane(plane, spans, momentum, velocity, unblocked, free, contacts, grid, dx, gain, damping, rigid):
     """Update one plane of nodes.
 
     A plant fills little of its box: only the nodes that some chunk may have written to are visited.
@@ -42,7 +43,9 @@ def grid_plane(plane, spans, momentum, velocity, free, grid, dx, gain, damping, 
             empty where it writes nothing, int32 [chunks, nx, ny, 2].
         momentum: private grids [chunks, 4 nodes], float32; set to zero again.
         velocity: result (vx, vy, vz, .) per node, m/s, flat float32.
+        unblocked: the same but for the ground, for rigid parts, which meet it by themselves; empty if not needed.
         free: 1 where a node may move, 0 where it is held, per node, float32.
+        contacts: nodes where an obstacle limits the velocity, in the order of rows (``contacts.contact_arrays``).
         grid: (shift_x, shift_y, shift_z, ny, nz).
         dx: cell side in metres, float32.
         gain: velocity that all nodes gain in this substep, m/s, [3].
@@ -50,6 +53,7 @@ def grid_plane(plane, spans, momentum, velocity, free, grid, dx, gain, damping, 
         rigid: velocity field that is not damped: linear velocity, angular velocity, centre (m), [9].
     """
     state = begin_flush_to_zero()
+    starts, nodes, planes = contacts
     ny, nz = grid[3], grid[4]
     ex, ey, ez = _x_lane(), _y_lane(), _z_lane()
     gained = ex * gain[0] + ey * gain[1] + ez * gain[2]
@@ -83,6 +87,18 @@ def grid_plane(plane, spans, momentum, velocity, free, grid, dx, gain, damping, 
             mass = group_last(total)
             v = total / maximum(mass, least)
             v = (v - damping * (v - undamped) + gained) * load_group_each(free, base + column)
-            store(velocity, at, where(mass > least, v, zero))
+            v = where(mass > least, v, zero)
+            store(velocity, at, v)
+            if len(unblocked) > 0:
+                store(unblocked, at, v)
             undamped = undamped + _f(4) * per_node
+        for contact in range(starts[plane * ny + row], starts[plane * ny + row + 1]):
+            column, kind, is_ground = nodes[contact]
+            if low <= column < high:
+                at = (base + column) * 4
+                v0, v1, v2 = velocity[at], velocity[at + 1], velocity[at + 2]
+                v0, v1, v2 = allowed_velocity(v0, v1, v2, kind, planes[contact])
+                velocity[at], velocity[at + 1], velocity[at + 2] = v0, v1, v2
+                if is_ground == 0 and len(unblocked) > 0:
+                    unblocked[at], unblocked[at + 1], unblocked[at + 2] = v0, v1, v2
     restore_float_state(state)

@@ -6,7 +6,7 @@ import numpy as np
 
 from phys4dgen.mpm.kernels.layout import POSITION, VELOCITY, strict_kernel
 
-__all__ = ["NEVER_SEEN", "inspect_particles", "order_by_cell", "span_rows"]
+__all__ = ["NEVER_SEEN", "inspect_particles", "order_by_cell", "span_rows", "take_sorted"]
 
 NEVER_SEEN = -(2**30)
 """In ``previous``: this particle has no earlier cell to be compared with."""
@@ -85,6 +85,14 @@ def order_by_cell(cells, extent, first, last, counts, order):
         key = ((cells[0, p] - extent[0]) * ny + (cells[1, p] - extent[2])) * nz + (cells[2, p] - extent[4])
         order[first + counts[key]] = p
         counts[key] += 1
+
+
+@strict_kernel
+def take_sorted(unsorted, particles, order, first, last):
+    """Copy the columns of ``unsorted`` to places [first, last) of ``particles`` in a new order; as ``advance``."""
+    for column in range(particles.shape[0]):
+        for i in range(first, last):
+            particles[column, i] = unsorted[column, order[i]]
 
 
 @strict_kernel
