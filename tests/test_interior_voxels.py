@@ -6,7 +6,7 @@ import pytest
 from phys4dgen.errors import StageError
 from phys4dgen.interior import discover_interior
 from phys4dgen.interior.bridge import bridge_pieces
-from phys4dgen.interior.carve import carve, solid_share
+from phys4dgen.interior.carve import DepthLimits, carve, solid_share
 from phys4dgen.interior.density import accumulated_opacity, density_threshold
 from phys4dgen.interior.sites import ribbon_sites, rod_sites, sheet_sites
 from phys4dgen.interior.thin import describe_thin_voxels, split_thick_and_thin
@@ -256,9 +256,9 @@ def test_a_ball_is_carved_with_its_volume(sphere):
     views, rotation, center_up = sphere
     side = RADIUS / 12
     grid = VoxelGrid.around(center_up - 1.1 * RADIUS, center_up + 1.1 * RADIUS, side, padding=2)
-    solid = carve(grid, views, rotation)
+    solid = carve(grid, DepthLimits(views, dilate=True), rotation)
     index = np.argwhere(solid)
-    share = solid_share(grid, index, views, rotation)
+    share = solid_share(grid, index, DepthLimits(views, dilate=False), rotation)
     volume = 4 / 3 * np.pi * RADIUS**3
     np.testing.assert_allclose(share.sum() * side**3, volume, rtol=0.05)
     distance = np.linalg.norm(grid.centers(index) - center_up, axis=1)
@@ -278,7 +278,7 @@ def test_the_surface_that_one_view_sees_is_kept_with_half_a_voxel(sphere):
     surfaces = []
     for step in np.linspace(0, 1, 21):  # one column of voxels, shifted through one voxel
         grid = VoxelGrid(center_up + (RADIUS + step * side) * toward - side / 2, side, (1, 1, 1))
-        if carve(grid, one, rotation).all():
+        if carve(grid, DepthLimits(one, dilate=True), rotation).all():
             surfaces.append(step)
     assert max(surfaces) == pytest.approx(0.5, abs=0.1)
 
@@ -290,7 +290,7 @@ def test_what_no_picture_shows_is_not_carved_away(sphere):
     camera_up = rotation @ views.cameras[0].position
     behind = camera_up + 2 * (camera_up - center_up)
     grid = VoxelGrid(behind - 0.05, 0.05, (2, 2, 2))
-    assert carve(grid, one, rotation).all()
+    assert carve(grid, DepthLimits(one, dilate=True), rotation).all()
 
 
 # ------------------------------------------------------------------------------------------------ density

@@ -8,23 +8,23 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from phys4dgen.interior.groups import point_groups
 from phys4dgen.interior.sites import Sites
 
 __all__ = ["link_groups"]
 
 
 def link_groups(
-    position: NDArray[np.float64], width: NDArray[np.float64], *, apart: float, reach: float
+    position: NDArray[np.float64], width: NDArray[np.float64], body: NDArray[np.int32], *, apart: float, reach: float
 ) -> tuple[Sites, NDArray[np.float64]]:
     """Join groups of sites to the largest one by straight rods, nearest first, until nothing more is in reach.
 
     Args:
         position: sites of all kinds, voxels, [S, 3].
         width: diameter that a rod starting at the site would have, voxels, [S].
+        body: connected body of solid voxels that the site is an outermost one of, -1 for none, [S].
         apart: sites within this distance hang together, voxels.
         reach: longest rod, voxels.
 
@@ -34,13 +34,13 @@ def link_groups(
     position, width = position.copy(), width.copy()
     added: list[tuple[NDArray[np.float64], NDArray[np.float64], float, float]] = []
     while len(position) > 1:
-        group = _groups(position, apart)
+        group = point_groups(position, apart, body=body)
         main = group == np.bincount(group).argmax()
         if main.all():
             break
         rest = np.flatnonzero(~main)
-        body = np.flatnonzero(main)
-        found = KDTree(position[body]).query(position[rest], distance_upper_bound=reach)
+        joined = np.flatnonzero(main)
+        found = KDTree(position[joined]).query(position[rest], distance_upper_bound=reach)
         distance, near = np.asarray(found[0]), np.asarray(found[1])
         order = np.argsort(distance, kind="stable")
         order = order[np.isfinite(distance[order])]
@@ -48,15 +48,16 @@ def link_groups(
             break
         _, first = np.unique(group[rest[order]], return_index=True)
         for link in order[first]:
-            start, end = position[rest[link]], position[body[near[link]]]
+            start, end = position[rest[link]], position[joined[near[link]]]
             steps = max(int(np.ceil(distance[link])), 2)
             points = start + np.linspace(0, 1, steps + 1)[1:-1, None] * (end - start)
-            thick = float(min(width[rest[link]], width[body[near[link]]]))
+            thick = float(min(width[rest[link]], width[joined[near[link]]]))
             # What lies inside the body that the link ends in is there already.
-            outside = np.clip(1 - 0.5 * width[body[near[link]]] / distance[link], 0.2, 1)
+            outside = np.clip(1 - 0.5 * width[joined[near[link]]] / distance[link], 0.2, 1)
             added.append((points, (end - start) / distance[link], float(outside * distance[link]) / steps, thick))
             position = np.concatenate([position, points])
             width = np.concatenate([width, np.full(len(points), thick)])
+            body = np.concatenate([body, np.full(len(points), -1, np.int32)])
     counts = [len(points) for points, *_ in added]
     zero = np.zeros((sum(counts), 3))
     sites = Sites(
@@ -69,8 +70,3 @@ def link_groups(
     )
     return sites, np.repeat([thick for *_, thick in added], counts)
 
-
-def _groups(position: NDArray[np.float64], apart: float) -> NDArray[np.int32]:
-    pairs = KDTree(position).query_pairs(apart, output_type="ndarray")
-    graph = sparse.csr_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(position),) * 2)
-    return connected_components(graph, directed=False)[1]

@@ -21,6 +21,6 @@ def distance_to_false(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
     return np.asarray(distance_transform_edt(mask))
 
 
-def outermost_layer(solid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Solid voxels with a face on the air or on the border of the array."""
-    return solid & ~np.asarray(binary_erosion(solid, generate_binary_structure(3, 1)), bool)
+def outermost_layer(solid: NDArray[np.bool_], *, layers: int = 1) -> NDArray[np.bool_]:
+    """Solid voxels with a face on the air or on the border of the array; of more layers, those under them too."""
+    return solid & ~np.asarray(binary_erosion(solid, generate_binary_structure(3, 1), iterations=layers), bool)

@@ -24,6 +24,10 @@ _CORE_EDT = 2.25
 """Voxels whose distance to the outside exceeds this lie in something at least five voxels (2.5 cells, of which the
 voxels' own widening is half a cell) thick."""
 
+_RIM_REACH = 6.0
+_RIM_FOOT = 0.3
+"""Share of a rim's voxels that touch the thick body; of a leaf's or a stem's less than a tenth do."""
+
 _SHEET_REACH = 3
 _ROD_REACH = 6
 _ROD_RATIO = 0.2
@@ -61,7 +65,7 @@ def split_thick_and_thin(solid: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], N
     """Thick voxels (a ball of 2.25 voxels fits around them inside the solid) and the thin rest.
 
     Edges and corners of a thick body, which no ball reaches, belong to the body: a thin remainder that stays within
-    three voxels of a thick one is thick.
+    three voxels of a thick one is thick, and so is a low rim that stands on it with much of its own breadth.
     """
     core = _edt(solid) > _CORE_EDT
     if not core.any():
@@ -76,8 +80,11 @@ def split_thick_and_thin(solid: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], N
     labels, count = connected_pieces(thin)
     if count:
         reach = np.zeros(count + 1)
-        np.maximum.at(reach, labels[thin], distance_to_false(~thick)[thin])
-        near = reach <= 3.0
+        distance = distance_to_false(~thick)[thin]
+        np.maximum.at(reach, labels[thin], distance)
+        touching = np.bincount(labels[thin][distance < 2], minlength=count + 1)
+        foot_share = touching / np.maximum(np.bincount(labels[thin], minlength=count + 1), 1)
+        near = (reach <= 3.0) | ((reach <= _RIM_REACH) & (foot_share > _RIM_FOOT))
         near[0] = False
         thick |= near[labels]
     return thick, solid & ~thick
