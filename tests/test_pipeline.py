@@ -16,6 +16,7 @@ from phys4dgen.render.views import render_views
 from phys4dgen.run.generate import generate
 from phys4dgen.scene import Scene, load_scene
 from phys4dgen.stages.asset import load
+from phys4dgen.stages.reconstruct import reconstruct
 from phys4dgen.stages.film import film
 from phys4dgen.stages.motion import Motion
 from phys4dgen.stages.motion_facts import MotionFacts
@@ -211,7 +212,7 @@ def test_a_run_that_was_interrupted_ends_with_the_same_arrays(run, scene, tmp_pa
 
 def test_a_frame_from_disk_looks_like_the_frame_in_memory(run, scene):
     """> 50 dB, in spite of scales and quaternions in place of covariances and of turned colours as coefficients."""
-    asset = load(scene, SILENT)
+    asset = load(scene, reconstruct(scene, SILENT), SILENT)
     trajectory = read_trajectory(run.root / "trajectory.npz")
 
     def frames():

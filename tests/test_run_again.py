@@ -21,7 +21,7 @@ from phys4dgen.run.state import finished_stages
 from phys4dgen.scene import Scene
 from phys4dgen.types import Gaussians
 
-NAMES = ("views", "grouping", "interior", "materials", "simulate", "render")
+NAMES = ("reconstruct", "views", "grouping", "interior", "materials", "simulate", "render")
 
 
 def lollipop():
@@ -103,7 +103,7 @@ def test_edits_redo_what_depends_on_them(run):
 
     edit_material(run, "ball", "density_kgm3", 1234.0)
     heavier = continue_run(run.root, since="simulate")
-    assert reused(heavier) == ["views", "grouping", "interior", "materials"]
+    assert reused(heavier) == ["reconstruct", "views", "grouping", "interior", "materials"]
     assert "the materials changed" in notes_on(heavier, "simulate")[0]
     assert "the motion changed" in notes_on(heavier, "render")[0]
     book = read_materials(run.root / "materials.yaml")
@@ -145,7 +145,7 @@ def test_an_edited_material_survives_a_new_identification(run):
     edit_material(run, "stick", "name", "rubber")  # the old numbers still stand beside it
     scene = scene_of_run(run.root).with_overrides({"simulation.grid": 18})
     again = continue_run(run.root, scene, since="simulate", until="materials")
-    assert reused(again) == ["views", "grouping"]
+    assert reused(again) == ["reconstruct", "views", "grouping"]
     assert "simulation.grid is 18 and was 16" in notes_on(again, "interior")[0]
     assert "the particles changed" in notes_on(again, "materials")[0]
     book = read_materials(run.root / "materials.yaml")
@@ -161,7 +161,7 @@ def test_an_edited_material_survives_a_new_identification(run):
 def test_a_stage_that_ends_with_the_same_result_redoes_nothing_after_it(run):
     scene = scene_of_run(run.root).with_overrides({"views.size_px": 65})
     again = continue_run(run.root, scene, since="simulate")
-    assert reused(again) == ["interior", "materials", "simulate", "render"]
+    assert reused(again) == ["reconstruct", "interior", "materials", "simulate", "render"]
     assert "the views changed" in notes_on(again, "grouping")[0]
 
 
@@ -171,7 +171,7 @@ def test_labels_that_a_person_put_into_the_run_are_taken(run):
     labels[:250] = 1
     np.savez(run.root / "groups.npz", labels=labels, names=np.array(["block", "stick", "ball"]))
     again = continue_run(run.root, since="simulate", until="interior")
-    assert reused(again) == ["views", "grouping"]
+    assert reused(again) == ["reconstruct", "views", "grouping"]
     assert "the parts changed" in notes_on(again, "interior")[0]
 
 

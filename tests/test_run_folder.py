@@ -229,7 +229,7 @@ def test_files_count_by_content_not_by_name(tmp_path, scene):
 
 def test_until_names_a_stage():
     assert stages_until(None)[-1] == "render"
-    assert stages_until("grouping") == ("views", "grouping")
+    assert stages_until("grouping") == ("reconstruct", "views", "grouping")
     with pytest.raises(SceneError, match="Did you mean 'interior'"):
         stages_until("interor")
 

@@ -1,4 +1,4 @@
-"""From a splat to a film: the stages in order, one line each.
+"""From a picture or a splat to a film: the stages in order, one line each.
 
 A stage is a function of core types. What it made is kept by a ``Store`` (a run folder, ``run/store.py``), which also
 recalls it, so that an interrupted run goes on where it stopped and an edit redoes only what depends on it. A result
@@ -18,6 +18,7 @@ from phys4dgen.stages.grouping import group
 from phys4dgen.stages.interior import fill
 from phys4dgen.stages.materials import identify
 from phys4dgen.stages.motion import move
+from phys4dgen.stages.reconstruct import reconstruct
 from phys4dgen.stages.views import look
 
 __all__ = ["Store", "animate_scene"]
@@ -28,8 +29,12 @@ T = TypeVar("T")
 class Store(Protocol):
     """Keeps what the stages make."""
 
-    def begin(self, asset: Asset) -> None:
-        """The object whose stages follow."""
+    def begin(self) -> None:
+        """The stages follow."""
+        ...
+
+    def hold(self, asset: Asset) -> None:
+        """The object, for the stages after ``reconstruct``."""
         ...
 
     def recall(self, stage: str, make: Callable[[], Any]) -> Callable[[], Any] | None:
@@ -47,14 +52,18 @@ class Store(Protocol):
 def animate_scene(scene: Scene, store: Store, *, until: str = "render", progress: Progress = SILENT) -> None:
     """Run the stages of a scene up to and with ``until``."""
     refuse_impossible_part_names(scene)
-    asset = load(scene, progress)
-    store.begin(asset)
+    store.begin()
 
     def stage(name: str, make: Callable[[], T]) -> Callable[[], T]:
         progress.stage(name)
         found = store.recall(name, make)
         return store.keep(name, make()) if found is None else found
 
+    source = stage("reconstruct", lambda: reconstruct(scene, progress))
+    if until == "reconstruct":
+        return
+    asset = load(scene, source(), progress)
+    store.hold(asset)
     views = stage("views", lambda: look(scene, asset, progress))
     if until == "views":
         return

@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 COMMANDS = {
-    "generate": "a 3D Gaussian splat in, physically simulated 4D content out",
+    "generate": "one picture or 3D Gaussian splat in, physically simulated 4D content out",
     "demo": "the same on a bundled object",
     "simulate": "again from the simulation, after an edit of a run's scene.yaml or materials.yaml",
     "render": "the film of a run again, from elsewhere, or with parts, materials, strain or forces laid over it",
@@ -61,6 +61,8 @@ SCENE_FLAGS = (
     Flag("--up", "up", "AXIS", "which way is up: auto, x, -x, y, -y, z, -z or 0,0,1"),
     Flag("--height-m", "height_m", "METRES", "the object's real height"),
     Flag("--longest-m", "longest_m", "METRES", "the real length of its longest side, instead of its height"),
+    Flag("--mask", "reconstruct.mask", "FILE", "of a picture: white where the object is"),
+    Flag("--matte-model", "reconstruct.matte_model", "FILE", "ONNX network that finds the object in a picture"),
     Flag("--parts", "grouping.parts", "N", "number of parts to find"),
     Flag("--motion", "motion.preset", "NAME", "what happens: auto, sway or rest"),
     Flag("--wind", "motion.wind", "X,Y,Z", "direction of the gust in the input's axes"),
@@ -229,7 +231,7 @@ def add_generate_flags(parser: argparse.ArgumentParser) -> None:
 def add_simulate_flags(parser: argparse.ArgumentParser) -> None:
     """Add the everyday flags of a scene, and how far to go."""
     parser.add_argument(
-        "--until", metavar="STAGE", help="stop after views, grouping, interior, materials or simulate (default: render)"
+        "--until", metavar="STAGE", help="stop after reconstruct, views, grouping, interior, materials or simulate"
     )
     add_flags_of(parser, SCENE_FLAGS)
     for name, metavar, text in (

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from phys4dgen.errors import RunError, SceneError
 from phys4dgen.export.frames import frame_path
 from phys4dgen.formats.atomic import atomic_path
+from phys4dgen.reconstruct.picture import is_picture
 from phys4dgen.run.json_text import json_text
 from phys4dgen.run.lock import FolderLock
 from phys4dgen.run.log import JsonLinesHandler
@@ -47,6 +48,9 @@ class RunFolder:
         self.input = self.root / "input"
         self.scene_yaml = self.root / "scene.yaml"
         self.gaussians_ply = self.root / "gaussians.ply"
+        self.cutout_png = self.root / "reconstruct" / "cutout.png"
+        self.source_json = self.root / "reconstruct" / "source.json"
+        self.solid_npz = self.root / "reconstruct" / "solid.npz"
         self.views = self.root / "views"
         self.cameras_json = self.views / "cameras.json"
         self.parts_png = self.root / "parts.png"
@@ -196,7 +200,8 @@ class RunFolder:
     def missing(self, scene: Scene, stages: Sequence[str]) -> list[str]:
         """Names of the files that these stages of a scene owe and that are not there."""
         owed = {
-            "views": [self.gaussians_ply, self.cameras_json],
+            "reconstruct": [self.gaussians_ply, *([self.cutout_png, self.source_json] if is_picture(scene.input) else [])],
+            "views": [self.cameras_json],
             "grouping": [self.groups_npz, self.parts_png],
             "interior": [self.continuum_npz],
             "materials": [self.materials_yaml],

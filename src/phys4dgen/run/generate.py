@@ -47,7 +47,7 @@ def generate(
     Args:
         scene: what to do.
         out: the run folder, made where it is missing; a run of the same input and settings is continued.
-        until: last stage wanted (views, grouping, interior, materials, simulate, render); None for all.
+        until: last stage wanted (reconstruct, views, grouping, interior, materials, simulate, render); None for all.
         overwrite: replace what a run with other settings has left in ``out``.
         progress: told what happens.
 

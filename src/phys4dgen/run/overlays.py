@@ -47,6 +47,7 @@ def render_overlay(folder: Path | str, scene: Scene, name: str, *, progress: Pro
     from phys4dgen.run.film_files import write_video_and_sheet
     from phys4dgen.run.generate import use_threads
     from phys4dgen.run.material_edits import current_book
+    from phys4dgen.run.source_files import read_source
     from phys4dgen.run.store import recalled_motion
     from phys4dgen.stages.asset import load
     from phys4dgen.stages.film import film
@@ -55,7 +56,7 @@ def render_overlay(folder: Path | str, scene: Scene, name: str, *, progress: Pro
     use_threads(scene)
     with RunFolder(folder).claim() as run:
         progress.stage(f"overlay {name}")
-        asset = load(scene, progress)
+        asset = load(scene, read_source(run, scene), progress)
         motion = recalled_motion(run)
         book = current_book(run.materials_yaml, run.identified_yaml)
         overlay = OVERLAYS[name](OverlayInputs(scene, asset, read_groups(run), book, motion))

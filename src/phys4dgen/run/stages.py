@@ -44,10 +44,21 @@ class Stage:
     files: tuple[str, ...]
 
 
-_ASSET = ("input", "up", "height_m", "longest_m")
-_SHARED_CODE = ("types", "formats", "render", "vector", "stages/asset.py", "stages/views.py")
+_SOURCE = ("input", "reconstruct")
+_ASSET = (*_SOURCE, "up", "height_m", "longest_m")
+_SOURCE_CODE = ("types", "formats", "render", "vector", "reconstruct", "stages/reconstruct.py")
+_SHARED_CODE = (*_SOURCE_CODE, "stages/asset.py", "stages/views.py")
 
 STAGES = (
+    Stage(
+        "reconstruct",
+        settings=_SOURCE,
+        ignores=(),
+        takes=(),
+        makes=(),
+        code=_SOURCE_CODE,
+        files=("gaussians.ply", "reconstruct/*"),
+    ),
     Stage(
         "views",
         settings=(*_ASSET, "views"),
@@ -55,7 +66,7 @@ STAGES = (
         takes=(),
         makes=("views",),
         code=_SHARED_CODE,
-        files=("gaussians.ply", "views/*.png", "views/cameras.json"),
+        files=("views/*.png", "views/cameras.json"),
     ),
     Stage(
         "grouping",
@@ -95,7 +106,7 @@ STAGES = (
     ),
     Stage(
         "render",
-        settings=("input", "up", "output", "simulation.fps"),
+        settings=(*_SOURCE, "up", "output", "simulation.fps"),
         ignores=(),
         takes=("motion",),
         makes=(),
@@ -194,6 +205,8 @@ def scene_settings(scene: Scene) -> dict[str, Any]:
     leaves = dict(_leaves(scene.model_dump(mode="json")))
     for key, path in (
         ("input", scene.input),
+        ("reconstruct.mask", scene.reconstruct.mask),
+        ("reconstruct.matte_model", scene.reconstruct.matte_model),
         ("grouping.labels_file", scene.grouping.labels_file),
         ("materials.file", scene.materials.file),
     ):
@@ -219,7 +232,7 @@ def _concerns(stage: Stage, key: str) -> bool:
 
 
 def _said(key: str, before: Any, now: Any) -> str:
-    if key in ("input", "grouping.labels_file", "materials.file"):
+    if key in ("input", "reconstruct.mask", "reconstruct.matte_model", "grouping.labels_file", "materials.file"):
         return f"the file of {key} changed"
     return f"{key} is {_short(now)} and was {_short(before)}"
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from phys4dgen.errors import RunError
 from phys4dgen.export.pictures import parts_picture, write_png
 from phys4dgen.export.trajectory import read_trajectory, trajectory_writer
-from phys4dgen.formats import save_gaussians
 from phys4dgen.interior import Interior
 from phys4dgen.materials import write_materials
 from phys4dgen.render.views import render_labels
@@ -34,6 +33,7 @@ from phys4dgen.run.material_edits import current_book, edited_materials, with_ed
 from phys4dgen.run.prediction import predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import PartReport, part_reports
+from phys4dgen.run.source_files import read_source, write_source
 from phys4dgen.run.stages import STAGES, Needs, scene_settings, stage_named
 from phys4dgen.run.state import StageRecord
 from phys4dgen.scene import Scene
@@ -42,6 +42,7 @@ from phys4dgen.stages.film import Film
 from phys4dgen.stages.interior import settled_thickness
 from phys4dgen.stages.motion import Motion
 from phys4dgen.stages.motion_facts import MotionFacts
+from phys4dgen.stages.reconstruct import Source
 from phys4dgen.types import Masks, Material, MaterialBook, Parts, Views
 
 __all__ = ["RunStore", "recalled_motion"]
@@ -95,10 +96,13 @@ class RunStore:
 
     # --------------------------------------------------------------------------------------------- the protocol
 
-    def begin(self, asset: Asset) -> None:
-        """The object whose stages follow."""
-        self.asset = asset
+    def begin(self) -> None:
+        """The stages follow."""
         self._settings = scene_settings(self.scene)
+
+    def hold(self, asset: Asset) -> None:
+        """The object, for the stages after ``reconstruct``."""
+        self.asset = asset
         self.counts["gaussians"] = len(asset.gaussians)
 
     def recall(self, stage: str, make: Callable[[], Any]) -> Callable[[], Any] | None:
@@ -117,6 +121,7 @@ class RunStore:
             self._began = time.perf_counter()
             return None
         readers: Mapping[str, Callable[[StageRecord], Recalled]] = {
+            "reconstruct": self._read_source,
             "views": lambda record: (functools.cache(make), record.products),
             "grouping": self._read_grouping,
             "interior": self._read_interior,
@@ -133,6 +138,7 @@ class RunStore:
     def keep(self, stage: str, result: Any) -> Callable[[], Any]:
         """Write the result of ``stage``; what was written stands for it, so that a resumed run sees the same."""
         keepers: Mapping[str, Callable[[Any], Recalled]] = {
+            "reconstruct": self._keep_source,
             "views": self._keep_views,
             "grouping": self._keep_grouping,
             "interior": self._keep_interior,
@@ -175,13 +181,21 @@ class RunStore:
 
     # ------------------------------------------------------------------------------------------ views and parts
 
+    def _keep_source(self, source: Source) -> Recalled:
+        write_source(self.run, source)
+        return self._read_source()
+
+    def _read_source(self, _record: StageRecord | None = None) -> Recalled:
+        source = read_source(self.run, self.scene)
+        self.backends["reconstruct"] = source.backend
+        return lambda: source, {}
+
     def _keep_views(self, views: Views) -> Recalled:
         asset = self._object()
         needed = predicted_bytes(self.scene, asset.gaussians)
         self.run.require_space(needed)
         self.progress.note(f"The whole run takes about {needed / 1e6:,.0f} MB of disk.")
         self.counts["views"] = len(views)
-        save_gaussians(asset.gaussians, self.run.gaussians_ply)
         write_views(self.run, views, frame=asset.frame)
         return lambda: views, {"views": needs_digest(self._needs["views"])}
 

@@ -83,6 +83,27 @@ class _Section(BaseModel):
     )
 
 
+class Reconstruct(_Section):
+    """How a picture becomes Gaussians (Paper: Sec. 3.1); of no effect on a splat."""
+
+    backend: Literal["auto", "inflate"] = "auto"
+    """inflate: from the outline (stand-in for LGM); auto: inflate"""
+    mask: FilePath | None = None
+    """picture of the same section, white where the object is"""
+    matte_model: FilePath | None = None
+    """ONNX file of U2-Net or IS-Net that finds the object; null: alpha channel, a model of rembg, or border colour"""
+    front_gaussians: Annotated[int, Field(ge=2000, le=200_000)] = 40_000
+    """Gaussians towards the camera; all together are some three times as many"""
+    thickness_rel: Annotated[float, Field(ge=0.1, le=3)] = 1.0
+    """depth of the object relative to what its outline says"""
+
+    @model_validator(mode="after")
+    def _one_way_to_find_the_object(self) -> Reconstruct:
+        if self.mask is not None and self.matte_model is not None:
+            raise ValueError("mask and matte_model both say where the object is; keep one of them")
+        return self
+
+
 class ViewSet(_Section):
     """Which views of the object are rendered into ``views/`` for parts and for people."""
 
@@ -250,7 +271,7 @@ class Scene(_Section):
     """One object, how it is understood, what moves it and what is written."""
 
     input: FilePath
-    """the splat; relative to this file"""
+    """a splat or a picture; relative to this file"""
     up: AxisName | Direction = "auto"
     """auto, +-x +-y +-z or [x, y, z], in the input's axes"""
     height_m: Auto | Positive = "auto"
@@ -259,6 +280,7 @@ class Scene(_Section):
     """real extent of the longest side, instead of height_m"""
     seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
     """of everything that is drawn at random"""
+    reconstruct: Reconstruct = Field(default_factory=Reconstruct)
     views: ViewSet = Field(default_factory=ViewSet)
     grouping: Grouping = Field(default_factory=Grouping)
     interior: Interior = Field(default_factory=Interior)
@@ -335,7 +357,11 @@ class Scene(_Section):
             grouping = grouping.model_copy(update={"labels_file": folder / grouping.labels_file})
         if materials.file is not None:
             materials = materials.model_copy(update={"file": folder / materials.file})
-        return self.model_copy(update={"input": folder / self.input, "grouping": grouping, "materials": materials})
+        named = {name: getattr(self.reconstruct, name) for name in ("mask", "matte_model")}
+        paths = {name: folder / path for name, path in named.items() if path is not None}
+        sections = {"grouping": grouping, "materials": materials}
+        sections["reconstruct"] = self.reconstruct.model_copy(update=paths)
+        return self.model_copy(update={"input": folder / self.input, **sections})
 
 
 def validated_scene(tree: Any, *, source: str, places: Mapping[YamlPath, str]) -> Scene:

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import SceneError
-from phys4dgen.formats import load_gaussians
 from phys4dgen.progress import Progress
+from phys4dgen.reconstruct.reconstruction import Solid
 from phys4dgen.scene import Scene
+from phys4dgen.stages.reconstruct import Source
 from phys4dgen.types import Frame, Gaussians, rotation_to_z_up
 from phys4dgen.types.upright import guess_up
 
@@ -26,6 +27,7 @@ class Asset:
         frame: input coordinates -> metres, z up.
         lower, upper: robust box in upright axes, input units, [3].
         cell: grid cell dx of the simulation, input units.
+        solid: exact inside test, where the object was made from a picture that gave one; else None.
     """
 
     gaussians: Gaussians
@@ -33,6 +35,7 @@ class Asset:
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     cell: float
+    solid: Solid | None = None
 
     @property
     def cell_m(self) -> float:
@@ -45,10 +48,10 @@ class Asset:
         return float(self.upper[2] - self.lower[2]) * self.frame.metres_per_unit
 
 
-def load(scene: Scene, progress: Progress) -> Asset:
-    """Read the splat and decide which way is up and how large it is."""
-    gaussians = load_gaussians(scene.input)
-    rotation = rotation_to_z_up(_up_vector(scene, gaussians, progress))
+def load(scene: Scene, source: Source, progress: Progress) -> Asset:
+    """Decide which way is up and how large the object is."""
+    gaussians = source.gaussians
+    rotation = rotation_to_z_up(_up_vector(scene, source, progress))
     lower, upper = gaussians.robust_bounds(rotation=rotation)
     extent = upper - lower
     if not (extent > 0).all():
@@ -60,16 +63,18 @@ def load(scene: Scene, progress: Progress) -> Asset:
             progress.warn("The real size is not known: the object is taken to be 0.3 m tall; give --height-m.")
         metres_per_unit = (0.3 if isinstance(scene.height_m, str) else scene.height_m) / extent[2]
     frame = Frame(rotation, float(metres_per_unit))
-    return Asset(gaussians, frame, lower, upper, float(extent.max()) / scene.simulation.grid)
+    return Asset(gaussians, frame, lower, upper, float(extent.max()) / scene.simulation.grid, source.solid)
 
 
-def _up_vector(scene: Scene, gaussians: Gaussians, progress: Progress) -> NDArray[np.float64]:
+def _up_vector(scene: Scene, source: Source, progress: Progress) -> NDArray[np.float64]:
     if not isinstance(scene.up, str):
         return np.array(scene.up)
     if scene.up != "auto":
         axis = "xyz".index(scene.up[-1])
         return np.eye(3)[axis] * (-1.0 if scene.up.startswith("-") else 1.0)
-    guess = guess_up(gaussians)
+    if source.up is not None:
+        return source.up
+    guess = guess_up(source.gaussians)
     if not guess.is_sure:
         progress.warn(f"Which way is up is a guess ({guess.reason}); give --up if the picture is on its side.")
     return guess.up

@@ -64,7 +64,9 @@ def _rows(outline: Silhouette, rgb: NDArray[np.float32]) -> NDArray[np.float64]:
     row_mean = (lab * weight).sum(1) / np.maximum(count, 1)[:, None]
     spread = np.sqrt((((lab - row_mean[:, None]) ** 2) * weight).sum((1, 2)) / np.maximum(count, 1))
     single = mean((runs.count == 1).astype(float))
-    evidence = smoothstep(single, 0.8, 0.97) * smoothstep(-drift, -0.06, -0.025) * smoothstep(-mean(spread), -16, -9)
+    slope = mean(np.abs(np.gradient(half_width)))  # arms and leaves change the width fast, walls do not
+    evidence = smoothstep(single, 0.8, 0.97) * smoothstep(-drift, -0.06, -0.025)
+    evidence = evidence * smoothstep(-mean(spread), -24, -14) * smoothstep(-slope, -0.7, -0.3)
     return np.where(filled, nd.gaussian_filter1d(evidence, 0.5 * sigma), 0)
 
 

@@ -1,0 +1,62 @@
+"""What the stage ``reconstruct`` leaves in a run folder, and how it is read back."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from phys4dgen.export.pictures import write_png
+from phys4dgen.formats import load_gaussians, save_gaussians
+from phys4dgen.reconstruct.inflate.perspective import InflatedSolid
+from phys4dgen.reconstruct.picture import is_picture, read_picture
+from phys4dgen.run.folder import RunFolder
+from phys4dgen.scene import Scene
+from phys4dgen.stages.reconstruct import Source
+from phys4dgen.types import Camera
+
+__all__ = ["read_source", "write_source"]
+
+
+def write_source(run: RunFolder, source: Source) -> None:
+    """Write ``gaussians.ply`` and, of a picture, ``reconstruct/``: the cut-out, its camera and the exact inside."""
+    save_gaussians(source.gaussians, run.gaussians_ply)
+    if source.picture is None or source.camera is None:
+        return
+    write_png(np.rint(source.picture * 255).astype(np.uint8), run.cutout_png)
+    camera = source.camera
+    facts = {
+        "convention": "OpenCV (x right, y down, z forward); viewmat maps the coordinates of gaussians.ply to the camera",
+        "backend": source.backend,
+        "up": source.up,
+        "width": camera.width,
+        "height": camera.height,
+        "K": camera.K,
+        "viewmat": camera.viewmat,
+    }
+    run.write_json(run.source_json, facts)
+    if source.solid is not None:
+        run.write_npz(run.solid_npz, source.solid.arrays())
+
+
+def read_source(run: RunFolder, scene: Scene) -> Source:
+    """Read it back; a splat that was given is read from where it lies."""
+    if not is_picture(scene.input):
+        return Source(load_gaussians(scene.input), "splat as given")
+    facts = json.loads(run.source_json.read_text("utf-8"))
+    camera = Camera(
+        viewmat=np.array(facts["viewmat"]), K=np.array(facts["K"]), width=facts["width"], height=facts["height"]
+    )
+    cutout = read_picture(run.cutout_png)
+    solid = None
+    if run.solid_npz.is_file():
+        with np.load(run.solid_npz, allow_pickle=False) as arrays:
+            solid = InflatedSolid.from_arrays(dict(arrays))
+    return Source(
+        load_gaussians(run.gaussians_ply),
+        facts["backend"],
+        up=None if facts["up"] is None else np.array(facts["up"]),
+        picture=None if cutout.alpha is None else np.concatenate([cutout.rgb, cutout.alpha[..., None]], -1),
+        camera=camera,
+        solid=solid,
+    )

@@ -1,0 +1,66 @@
+"""The Gaussians: read from a splat, or made from a picture (paper: Sec. 3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.formats import load_gaussians
+from phys4dgen.progress import Progress
+from phys4dgen.reconstruct.picture import is_picture
+from phys4dgen.scene import Scene
+from phys4dgen.types import Camera, Gaussians
+
+if TYPE_CHECKING:
+    from phys4dgen.reconstruct.inflate import InflatedSolid
+
+__all__ = ["Source", "reconstruct"]
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The object as Gaussians, and what is known of it besides.
+
+    Attributes:
+        gaussians: of the input, or made from it.
+        backend: what made them.
+        up: which way is up, input coordinates, where the maker knows; else None.
+        picture: the picture cut out and framed, straight sRGB and opacity, shape [S, S, 4]; None for a splat.
+        camera: that sees the Gaussians as ``picture``.
+        solid: exact inside test, where the maker knows it.
+    """
+
+    gaussians: Gaussians
+    backend: str
+    up: NDArray[np.float64] | None = None
+    picture: NDArray[np.float32] | None = None
+    camera: Camera | None = None
+    solid: InflatedSolid | None = None
+
+
+def reconstruct(scene: Scene, progress: Progress) -> Source:
+    """Read the splat, or make one of the picture."""
+    if not is_picture(scene.input):
+        return Source(load_gaussians(scene.input), "splat as given")
+    from phys4dgen.reconstruct.foreground import cut_out
+    from phys4dgen.reconstruct.inflate import InflatedSolid, InflateOptions, inflate
+
+    chosen = scene.reconstruct
+    cutout = cut_out(scene.input, mask=chosen.mask, matte_model=chosen.matte_model)
+    progress.note(f"The object was cut out of the picture by {cutout.source}.")
+    options = InflateOptions(front_gaussians=chosen.front_gaussians, thickness=chosen.thickness_rel)
+    made = inflate(cutout, options)
+    for warning in made.warnings:
+        progress.warn(warning)
+    solid = made.solid if isinstance(made.solid, InflatedSolid) else None
+    return Source(
+        made.gaussians,
+        f"{made.backend}, object by {cutout.source}",
+        up=np.array([0.0, 1.0, 0.0]),
+        picture=made.picture,
+        camera=made.camera,
+        solid=solid,
+    )
