@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lollipop import lollipop
 from phys4dgen.errors import RunError
 from phys4dgen.export.trajectory import read_trajectory
 from phys4dgen.formats import save_gaussians
@@ -19,27 +20,8 @@ from phys4dgen.materials import read_materials
 from phys4dgen.run.generate import continue_run, generate, scene_of_run
 from phys4dgen.run.state import finished_stages
 from phys4dgen.scene import Scene
-from phys4dgen.types import Gaussians
 
 NAMES = ("reconstruct", "views", "grouping", "interior", "materials", "simulate", "render")
-
-
-def lollipop():
-    """A ball on a stick that stands in a block, 1,500 small Gaussians, z up, 0.2 m tall."""
-    rng = np.random.default_rng(4)
-    block = rng.uniform([-0.03, -0.03, 0], [0.03, 0.03, 0.04], (500, 3))
-    stick = np.column_stack([rng.normal(0, 0.003, (500, 2)), rng.uniform(0.03, 0.15, 500)])
-    ball = rng.normal(size=(500, 3))
-    ball = [0, 0, 0.17] + 0.03 * ball / np.linalg.norm(ball, axis=1, keepdims=True)
-    colors = np.repeat([[0.6, 0.3, 0.2], [0.9, 0.9, 0.9], [0.9, 0.1, 0.2]], 500, axis=0)
-    gaussians = Gaussians(
-        means=np.concatenate([block, stick, ball]),
-        quats_wxyz=np.tile([1, 0, 0, 0], (1500, 1)),
-        scales=np.full((1500, 3), 0.004),
-        opacities=np.full(1500, 0.95),
-        sh=((colors - 0.5) / 0.28209479)[:, None],
-    )
-    return gaussians, np.repeat([0, 1, 2], 500).astype(np.int32)
 
 
 @pytest.fixture(scope="module")

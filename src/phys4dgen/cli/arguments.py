@@ -38,6 +38,7 @@ COMMANDS = {
     "demo": "the same on a bundled object",
     "simulate": "again from the simulation, after an edit of a run's scene.yaml or materials.yaml",
     "render": "the film of a run again, from elsewhere, or with parts, materials, strain or forces laid over it",
+    "group": "parts of a run merged, renamed, or found anew",
     "inspect": "say what a splat file or a run folder holds",
     "convert": "a splat file into another format",
     "doctor": "say what is ready on this machine, what is missing, and how to get it",

@@ -71,7 +71,7 @@ def continue_run(
     folder: Path | str,
     scene: Scene | None = None,
     *,
-    since: Literal["views", "simulate", "render"],
+    since: Literal["views", "grouping", "simulate", "render"],
     until: str | None = None,
     again: bool = False,
     progress: Progress = SILENT,

@@ -35,6 +35,7 @@ __all__ = [
     "Materials",
     "Motion",
     "Output",
+    "PartEdit",
     "PartOptions",
     "Scene",
     "Simulation",
@@ -62,6 +63,11 @@ def _nonzero(vector: tuple[float, float, float]) -> tuple[float, float, float]:
     if math.hypot(*vector) < 1e-9:
         raise ValueError("expected a direction, got a vector of length 0")
     return vector
+
+
+def _tuple(value: Any) -> Any:
+    """YAML has lists only; in strict mode pydantic wants the tuple."""
+    return tuple(value) if isinstance(value, list) else value
 
 
 Vector = Annotated[tuple[float, float, float], BeforeValidator(_vector)]
@@ -113,6 +119,25 @@ class ViewSet(_Section):
     """width and height of a view"""
 
 
+class PartEdit(_Section):
+    """One correction of the parts; either ``merge``, or ``rename`` with ``to``. Edits are made in their order."""
+
+    merge: Annotated[tuple[PartName, ...], BeforeValidator(_tuple)] = ()
+    """names of parts that become one, which keeps the first name"""
+    rename: PartName | None = None
+    """name of a part that gets another one"""
+    to: PartName | None = None
+    """its new name"""
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> PartEdit:
+        if bool(self.merge) == (self.rename is not None) or (self.rename is None) != (self.to is None):
+            raise ValueError("an edit is either {merge: [a, b]} or {rename: a, to: b}")
+        if self.merge and len(set(self.merge)) < max(2, len(self.merge)):
+            raise ValueError(f"merge needs two or more different parts, got {list(self.merge)}")
+        return self
+
+
 class Grouping(_Section):
     """How the Gaussians are divided into parts (Paper: Sec. 3.2)."""
 
@@ -124,6 +149,8 @@ class Grouping(_Section):
     """.npy or .npz with one whole number per Gaussian, in the input's order"""
     names: dict[Annotated[int, Field(ge=0, le=255)], PartName] = Field(default_factory=dict)
     """names by part number (numbered from the ground up), instead of part_0, part_1 ..."""
+    edits: Annotated[tuple[PartEdit, ...], BeforeValidator(_tuple)] = ()
+    """corrections made after that, as by 'phys4dgen group': [{merge: [a, b]}, {rename: a, to: leaves}]"""
 
     @model_validator(mode="after")
     def _backend_has_its_file(self) -> Grouping:

@@ -30,7 +30,7 @@ def check_part_names(scene: Scene, names: Sequence[str]) -> None:
                 f"{did_you_mean(name, names)}"
             )
     for number in scene.grouping.names:
-        if number >= len(names):
+        if number >= len(names) and not scene.grouping.edits:  # which change the numbers afterwards
             raise SceneError(
                 f"grouping.names: there is no part number {number}; this object has the parts 0 to {len(names) - 1}."
             )
@@ -46,7 +46,7 @@ def refuse_impossible_part_names(scene: Scene) -> None:
     """
     if scene.grouping.labels_file is not None:
         return
-    given = list(scene.grouping.names.values())
+    given = [*scene.grouping.names.values(), *(edit.to for edit in scene.grouping.edits if edit.to is not None)]
     for place, name in _mentioned(scene).items():
         if name not in given and not _DEFAULT_NAME.fullmatch(name):
             raise SceneError(

@@ -46,4 +46,4 @@ def scene_keys(section: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator
             yield from scene_keys(field.annotation, here)
         else:
             default = None if field.is_required() else field.get_default(call_default_factory=True)
-            yield here, default, field.description or ""
+            yield here, default, " ".join((field.description or "").split())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from phys4dgen.grouping.appearance import group_by_appearance
+from phys4dgen.grouping.edits import edited_parts
 from phys4dgen.grouping.from_file import parts_from_file, rename_parts, single_part
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Scene
@@ -30,6 +31,8 @@ def group(scene: Scene, asset: Asset, views: Views, progress: Progress) -> Parts
             progress=progress,
         )
     parts = rename_parts(parts, wanted.names)
+    for edit in wanted.edits:
+        parts = edited_parts(parts, edit)
     progress.note(f"{parts.count} parts by {parts.backend}: {', '.join(parts.names)}.")
     return parts
 

@@ -86,7 +86,7 @@ class _Legend:
 
 def _parts(inputs: OverlayInputs) -> Overlay:
     palette = part_colors(inputs.parts.count)
-    colors = palette[inputs.parts.labels] / np.float32(255) * _shading(inputs.asset, 0.35)
+    colors = palette[inputs.parts.labels] / np.float32(255) * _part_shading(inputs)
     entries = [(_color(palette[number]), name) for number, name in enumerate(inputs.parts.names)]
     return _Legend(colors.astype(np.float32), entries)
 
@@ -96,7 +96,7 @@ def _material(inputs: OverlayInputs) -> Overlay:
     kinds = list(dict.fromkeys(_described(surface) for surface in surfaces))
     palette = part_colors(len(kinds))
     number_of_part = np.array([kinds.index(_described(surface)) for surface in surfaces])
-    colors = palette[number_of_part[inputs.parts.labels]] / np.float32(255) * _shading(inputs.asset, 0.35)
+    colors = palette[number_of_part[inputs.parts.labels]] / np.float32(255) * _part_shading(inputs)
     entries = []
     for number, kind in enumerate(kinds):
         names = [name for name, own in zip(inputs.parts.names, number_of_part, strict=True) if own == number]
@@ -251,10 +251,22 @@ def _projected(tail: NDArray[np.float64], tip: NDArray[np.float64], camera: Came
 
 def _shading(asset: Asset, darkest: float) -> NDArray[np.float32]:
     """Brightness of the object's own texture, from ``darkest`` to 1, [N, 1], so that shapes stay readable."""
-    luma = asset.gaussians.base_colors @ _LUMA
+    return _stretched(asset.gaussians.base_colors @ _LUMA, darkest)[:, None]
+
+
+def _part_shading(inputs: OverlayInputs) -> NDArray[np.float32]:
+    """The same within each part, so that a dark part has the colour of the legend too."""
+    labels, luma = inputs.parts.labels, inputs.asset.gaussians.base_colors @ _LUMA
+    shading = np.zeros(len(labels), np.float32)
+    for number in range(inputs.parts.count):
+        shading[labels == number] = _stretched(luma[labels == number], 0.45)
+    return shading[:, None]
+
+
+def _stretched(luma: NDArray[np.float32], darkest: float) -> NDArray[np.float32]:
     low, high = np.percentile(luma, [2, 98])
     share = np.clip((luma - low) / max(float(high - low), 1e-3), 0, 1)
-    return (darkest + (1 - darkest) * share).astype(np.float32)[:, None]
+    return (darkest + (1 - darkest) * share).astype(np.float32)
 
 
 def _described(material: Material) -> str:

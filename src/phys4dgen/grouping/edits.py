@@ -1,0 +1,63 @@
+"""Corrections of the parts that a person asks for: parts merged, parts renamed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from phys4dgen.errors import StageError, did_you_mean
+from phys4dgen.scene import PartEdit
+from phys4dgen.types import Parts
+
+__all__ = ["edited_parts", "merge_parts", "rename_part"]
+
+
+def edited_parts(parts: Parts, edit: PartEdit) -> Parts:
+    """The parts after one edit of a scene.
+
+    Raises:
+        StageError: the edit speaks of a part that does not exist, or gives a name twice.
+    """
+    if edit.rename is not None and edit.to is not None:
+        return rename_part(parts, edit.rename, edit.to)
+    return merge_parts(parts, edit.merge)
+
+
+def merge_parts(parts: Parts, names: Sequence[str]) -> Parts:
+    """Several parts as one, which keeps the first name and the lowest of their numbers; the others close the gaps.
+
+    Raises:
+        StageError: there is no part of one of the names.
+    """
+    numbers = [_number(parts, name) for name in names]
+    target = min(numbers)
+    gone = set(numbers) - {target}
+    kept = [number for number in range(parts.count) if number not in gone]
+    renumbered = np.zeros(parts.count, np.int32)
+    renumbered[kept] = np.arange(len(kept), dtype=np.int32)
+    renumbered[list(gone)] = renumbered[target]
+    new_names = tuple(names[0] if number == target else parts.names[number] for number in kept)
+    return Parts(renumbered[parts.labels], new_names, parts.backend)
+
+
+def rename_part(parts: Parts, name: str, to: str) -> Parts:
+    """The same parts, one under another name.
+
+    Raises:
+        StageError: there is no such part, or another one has the new name already.
+    """
+    number = _number(parts, name)
+    if to in parts.names and to != name:
+        raise StageError(f"grouping.edits: '{name}' cannot be called '{to}', which another part is called already.")
+    names = tuple(to if i == number else old for i, old in enumerate(parts.names))
+    return Parts(parts.labels, names, parts.backend)
+
+
+def _number(parts: Parts, name: str) -> int:
+    if name not in parts.names:
+        raise StageError(
+            f"grouping.edits: there is no part '{name}' at this point; the parts are {', '.join(parts.names)}."
+            f"{did_you_mean(name, parts.names)}"
+        )
+    return parts.names.index(name)
