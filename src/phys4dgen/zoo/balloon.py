@@ -1,4 +1,4 @@
-"""A balloon tied to a block of wood, 0.72 m tall: a thin rubber skin, a cotton string, a pine cube."""
+"""A balloon tied to a block of wood, 0.74 m tall: a thin rubber skin, a cotton string, a pine cube."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def balloon(*, seed: int = 0, light: str = "studio") -> ZooObject:
                 transmission=0.30, gloss=0.16, thickness_m=SKIN_M, filling="polyester_fibrefill",
             ),
         ],
-        metres_per_unit=0.72, motion="sway", held=["block"], seed=seed, light=light,
+        metres_per_unit=0.74, motion="sway", held=["block"], seed=seed, light=light,
     )  # fmt: skip
 
 
@@ -68,10 +68,10 @@ def _skin() -> Implicit:
     corners = np.array(
         [
             [0, -0.012], [0.0100, -0.012], [0.0092, -0.006], [0.0042, 0.000], [0.0070, 0.009], [0.0520, 0.060],
-            [0.1210, 0.135], [0.1320, 0.250], [0.0750, 0.312], [0, 0.316],
+            [0.1210, 0.135], [0.1340, 0.235], [0.0850, 0.318], [0.0300, 0.338], [0, 0.338],
         ]
     )  # fmt: skip
-    rounding = np.array([0, 0.002, 0.002, 0.003, 0.004, 0.045, 0.050, 0.046, 0.038, 0])
+    rounding = np.array([0, 0.002, 0.002, 0.003, 0.004, 0.045, 0.050, 0.048, 0.046, 0.012, 0])
     pear = lathe(rounded_profile(corners, rounding, steps=12))
     return hollow(placed(pear, NECK_M, turned_deg(x=2, z=-3)), SKIN_M)
 

@@ -15,7 +15,7 @@ __all__ = ["basketball"]
 
 RADIUS_M = 0.1195
 WALL_M = 0.0045
-CHANNEL_HALF_M = 0.0046
+CHANNEL_HALF_M = 0.0054
 CENTRE_M = np.array([0.0, RADIUS_M, 0.0])
 POSE = turned_deg(x=-28, y=20, z=18)
 
@@ -31,7 +31,7 @@ def basketball(*, seed: int = 0, light: str = "studio") -> ZooObject:
 
     def skin(patch: Patch) -> Array:
         pebbles = 1 + 0.07 * value_noise(patch.points, 0.0060, seed=seed + 2)
-        return mix(leather(patch) * pebbles[:, None], srgb("1d1a19"), 1.35 * _channel(patch.points))
+        return mix(leather(patch) * pebbles[:, None], srgb("1d1a19"), 1.15 * _channel(patch.points))
 
     shell = hollow(shaped(ball(RADIUS_M, CENTRE_M), lambda p: -0.0016 * _channel(p), reach_m=0.0), WALL_M)
     return assemble(

@@ -70,7 +70,7 @@ def rounded_box(half_m: ArrayLike, rounding_m: float, centre: ArrayLike = (0, 0,
 
     def distance(points: Array) -> Array:
         q = np.abs(points - c) - core
-        return _length(np.maximum(q, 0)) + np.minimum(q.max(1), 0) - rounding_m
+        return _length(np.maximum(q, 0)) + np.minimum(_largest(q), 0) - rounding_m
 
     return Implicit(distance, c - half, c + half)
 
@@ -109,7 +109,7 @@ def ring(radius_m: float, half_m: tuple[float, float], rounding_m: float) -> Imp
 
     def distance(points: Array) -> Array:
         q = np.abs(np.stack([np.hypot(points[:, 0], points[:, 2]) - radius_m, points[:, 1]], 1)) - core
-        return _length(np.maximum(q, 0)) + np.minimum(q.max(1), 0) - rounding_m
+        return _length(np.maximum(q, 0)) + np.minimum(_largest(q), 0) - rounding_m
 
     reach = np.array([radius_m + half_m[0], half_m[1], radius_m + half_m[0]])
     return Implicit(distance, -reach, reach)
@@ -249,6 +249,11 @@ def _fillet(first: Array, second: Array, radius_m: float) -> Array:
     """The smaller of two distances [N], less where both are small: a fillet in the crease."""
     share = np.maximum(radius_m - np.abs(first - second), 0) / radius_m
     return np.minimum(first, second) - share * share * (radius_m / 4)
+
+
+def _largest(vectors: Array) -> Array:
+    """The largest component of each vector [N, 2] or [N, 3]: much quicker than ``max`` along so short an axis."""
+    return reduce(np.maximum, vectors.T)
 
 
 def _length(vectors: Array) -> Array:

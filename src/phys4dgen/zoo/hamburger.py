@@ -73,7 +73,7 @@ def _crown(seed: int) -> Implicit:
             [0, foot + 0.0445],
         ]
     )  # fmt: skip
-    dome = lathe(rounded_profile(corners, np.array([0, 0.005, 0.009, 0.016, 0.014, 0])))
+    dome = lathe(rounded_profile(corners, np.array([0, 0.004, 0.0078, 0.0140, 0.0135, 0])))
 
     def swell(points: Array) -> Array:
         return 0.0007 * fractal_noise(points, 0.03, seed=seed + 11) + 0.0010 * _sesame(points)
@@ -102,7 +102,7 @@ def _sesame(points: Array) -> Array:
 def _patty(seed: int) -> Implicit:
     """Minced meat with a ragged edge."""
     corners = np.array([[0, 0.0205], [0.0525, 0.0205], [0.0545, 0.0290], [0.0525, 0.0375], [0, 0.0375]])
-    disc = lathe(rounded_profile(corners, np.array([0, 0.005, 0.004, 0.005, 0])))
+    disc = lathe(rounded_profile(corners, np.array([0, 0.0045, 0.004, 0.0045, 0])))
     return shaped(disc, lambda p: 0.0016 * fractal_noise(p, 0.011, seed=seed + 12), reach_m=0.0016)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from phys4dgen.zoo.assembly import Paint, Part, assemble
 from phys4dgen.zoo.blade import Blade
-from phys4dgen.zoo.forms import blended, carved, lathe, mirrored, placed, rod, rounded_box, shaped, united
+from phys4dgen.zoo.forms import blended, carved, lathe, mirrored, placed, rod, rounded_box, shaped, turned_deg, united
 from phys4dgen.zoo.implicit import Implicit
 from phys4dgen.zoo.paints import mottled, with_speckles, wood_grain
 from phys4dgen.zoo.patch import Array, Patch
@@ -36,7 +36,7 @@ def sandcastle(*, seed: int = 0, light: str = "studio") -> ZooObject:
     return assemble(
         [
             Part("base", "sand_dry", [_base(seed)], 0.0030, _sand("cdb183", "ecd9b2", seed + 1)),
-            Part("castle", "sand_damp", [_castle(seed)], 0.0026, _sand("bb9a68", "dcbe8d", seed + 2), precedence=1),
+            Part("castle", "sand_damp", [_castle(seed)], 0.0029, _sand("bf9f6e", "e0c494", seed + 2), precedence=1),
             Part(
                 "pole", "softwood", [pole], 0.0012, wood_grain("6e4a2a", "b48554", ring_m=0.0012, seed=seed + 3),
                 precedence=2, area_m2=np.pi * 2 * POLE_RADIUS_M * (POLE_TOP_M - KEEP_TOP_M),
@@ -72,8 +72,9 @@ def _castle(seed: int) -> Implicit:
     tower = placed(_tower(0.034, 0.022, 0.130), (TOWER_M, 0.018, TOWER_M))
     side = rounded_box((TOWER_M, 0.038, 0.0135), 0.003, (0, 0.056, TOWER_M))
     ahead = rounded_box((0.0135, 0.038, TOWER_M), 0.003, (TOWER_M, 0.056, 0))
-    gaps = [rounded_box((0.0055, 0.010, 0.2), 0.002, (x, 0.0965, 0)) for x in (0.011, 0.033)]
-    gaps += [rounded_box((0.2, 0.010, 0.0055), 0.002, (0, 0.0965, z)) for z in (0.011, 0.033)]
+    across = mirrored(rounded_box((0.0055, 0.010, 0.2), 0.002, (0.011, 0.0965, 0)))
+    along = mirrored(rounded_box((0.2, 0.010, 0.0055), 0.002, (0, 0.0965, 0.011)))
+    gaps = [placed(across, (0.022, 0, 0)), placed(along, (0, 0, 0.022))]  # four of each, once the quarter is mirrored
     gate = united(
         rounded_box((0.015, 0.020, 0.03), 0.001, (0, 0.042, TOWER_M)),
         rod([[0, 0.062, TOWER_M - 0.03], [0, 0.062, TOWER_M + 0.03]], 0.015),
@@ -91,15 +92,8 @@ def _tower(foot_m: float, neck_m: float, height_m: float) -> Implicit:
         [[0, 0], [foot_m, 0], [neck_m, 0.80 * height_m], [crown, 0.84 * height_m], [crown, height_m], [0, height_m]]
     )
     body = lathe(rounded_profile(corners, np.array([0, 0.002, 0.003, 0.003, 0.002, 0])))
-    turns = np.arange(3) * np.pi / 3
-    gaps = [
-        placed(
-            rounded_box((0.1, 0.075 * height_m, 0.19 * neck_m), 0.0015, (0, height_m, 0)),
-            rotation=np.array([[np.cos(t), 0, np.sin(t)], [0, 1, 0], [-np.sin(t), 0, np.cos(t)]]),
-        )
-        for t in turns
-    ]
-    return carved(body, *gaps)
+    gap = rounded_box((0.1, 0.075 * height_m, 0.19 * neck_m), 0.0015, (0, height_m, 0))
+    return carved(body, gap, mirrored(placed(gap, rotation=turned_deg(y=60))))
 
 
 def _flag() -> Blade:

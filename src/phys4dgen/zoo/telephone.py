@@ -18,14 +18,14 @@ __all__ = ["telephone"]
 SLOPE_DEG = 32.0
 """Of the front, away from the vertical towards the horizontal plane that faces up."""
 DIAL_M = np.array([0.0, 0.0680, 0.0480])
-HANDSET_M = 0.1160
+HANDSET_M = 0.1100
 """Height of the middle of the handset's grip."""
 CORD_RADIUS_M = 0.0022
 COIL_RADIUS_M = 0.0068
-COIL_TURNS = 40
+COIL_TURNS = 36
 # From the mouthpiece down to the table, along it and up into the back of the body.
 CORD_CONTROLS_M = np.array(
-    [[-0.101, 0.100, -0.030], [-0.190, -0.090, 0.090], [-0.215, 0.020, -0.030], [-0.070, 0.022, -0.045]]
+    [[-0.101, 0.094, -0.032], [-0.190, -0.090, 0.090], [-0.215, 0.020, -0.030], [-0.070, 0.022, -0.045]]
 )
 
 
@@ -64,9 +64,9 @@ def _body() -> Implicit:
     wedge = carved(block, front, radius_m=0.010)
     shoulder = rounded_box((0.056, 0.014, 0.028), 0.010, (0, 0.090, -0.034))
     forks = [
-        rod([[x, 0.092, z], [1.06 * x, 0.118, z + 0.15 * (z + 0.034)]], [0.0070, 0.0048])
+        rod([[x, 0.092, z], [1.06 * x, 0.118, z + 0.10 * (z + 0.034)]], [0.0070, 0.0048])
         for x in (-0.040, 0.040)
-        for z in (-0.056, -0.012)
+        for z in (-0.048, -0.020)
     ]
     return blended(0.008, wedge, shoulder, *forks)
 
@@ -107,7 +107,7 @@ def _cord() -> Tube:
     """A coil along its path; both ends run out straight and plug in."""
     path = bezier(CORD_CONTROLS_M, 1600)
     path[:, 1] = np.maximum(path[:, 1], COIL_RADIUS_M + CORD_RADIUS_M)
-    path = _smoothed(path, 60)
+    path = _evened(_smoothed(path, 60))
     tangent = np.gradient(path, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     side = np.cross(tangent, [0.0, 1.0, 0.0])
@@ -117,6 +117,13 @@ def _cord() -> Tube:
     radius = COIL_RADIUS_M * np.clip(np.minimum(share, 1 - share) / 0.05, 0, 1)[:, None]
     turn = 2 * np.pi * COIL_TURNS * share[:, None]
     return Tube(path + radius * (np.cos(turn) * side + np.sin(turn) * other), np.full(len(path), CORD_RADIUS_M))
+
+
+def _evened(path: Array) -> Array:
+    """The same path with its nodes at equal distances."""
+    arc = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    even = np.linspace(0, arc[-1], len(path))
+    return np.stack([np.interp(even, arc, path[:, axis]) for axis in range(3)], 1)
 
 
 def _smoothed(path: Array, window: int) -> Array:
