@@ -63,8 +63,18 @@ def continuum():
 HELD = np.array([False] * 7 + [True])
 
 
-def _assemble(continuum, book, *, speed_ms, cell_m=CELL_M, held=HELD):
-    return assemble_body(continuum, PARTS, book, frame=FRAME, held=held, cell_m=cell_m, max_wave_speed_ms=speed_ms)
+def _assemble(continuum, book, *, speed_ms, cell_m=CELL_M, held=HELD, rigid=None, fps=24.0):
+    return assemble_body(
+        continuum,
+        PARTS,
+        book,
+        frame=FRAME,
+        held=held,
+        rigid=np.zeros(8, bool) if rigid is None else rigid,
+        cell_m=cell_m,
+        max_wave_speed_ms=speed_ms,
+        fps=fps,
+    )
 
 
 def _wave_speed(modulus, density, poisson):
@@ -205,6 +215,50 @@ def test_a_lump_that_would_visibly_give_way_stays_stiff(continuum):
     enough = _assemble(continuum, book, speed_ms=20.0, held=only_lump)
     assert enough.body.youngs_modulus_pa[6] < 5e9
     assert enough.capped[0].largest_strain < 0.01
+
+
+def test_a_long_lump_that_would_visibly_swing_stays_stiff(continuum):
+    """The cap keeps the strain small, and yet a slender bar would wobble like rubber."""
+    p = 40
+    along = np.linspace(0, 0.2, p)[:, None] * FRAME.rotation[0] / FRAME.metres_per_unit
+    bar = replace(
+        continuum,
+        positions=along,
+        part=np.repeat(np.arange(4, dtype=np.int32), [1, 1, p - 3, 1]),
+        is_interior=np.zeros(p, bool),
+        volume_m3=np.full(p, 1e-9),
+        gaussian_index=np.full(p, -1, np.int32),
+        piece=np.zeros(p, np.int32),
+        shape=np.full(p, SOLID, np.int8),
+        thickness_m=np.full(p, np.nan),
+        thickness_measured=np.zeros(p, bool),
+        offset_m=np.zeros((p, 3)),
+    )
+    still = np.zeros(p, bool)
+    book = _book(lump=_material(youngs_modulus_pa=5e9))
+    stiff = _assemble(bar, book, speed_ms=60.0, held=still, rigid=still)
+    assert (stiff.body.youngs_modulus_pa[bar.part == 2] == 5e9).all()
+    slow_film = _assemble(bar, book, speed_ms=60.0, held=still, rigid=still, fps=0.1)
+    assert (slow_film.body.youngs_modulus_pa[bar.part == 2] < 5e9).all()
+
+
+def test_rigid_parts_are_left_as_they_are(continuum):
+    everything = np.ones(8, bool)
+    assembly = _assemble(continuum, _book(), speed_ms=1.0, held=~everything, rigid=everything)
+    np.testing.assert_allclose(assembly.body.positions_m, FRAME.to_metres(continuum.positions), atol=1e-12)
+    assert (assembly.body.youngs_modulus_pa == 1e8).all()
+    assert (assembly.thickening, assembly.capped) == ((), ())
+
+
+def test_true_strain_and_yield_are_known(continuum):
+    """A sheet simulated n times as thick bends with n times the strain of the true one."""
+    book = _book(lump=_material(extra={"yield_stress_pa": 1e6}))
+    assembly = _assemble(continuum, book, speed_ms=150.0)
+    ratio = _simulated_over_true(assembly, continuum, SHEET_P)
+    np.testing.assert_allclose(assembly.strain_ratio[SHEET_P] * ratio, 1, rtol=1e-9)
+    assert assembly.strain_ratio[6] == 1
+    np.testing.assert_allclose(assembly.yield_strain[SOLID_P], 0.01)
+    assert np.isinf(assembly.yield_strain[:6]).all()
 
 
 # ------------------------------------------------------------------------------------------------ materials

@@ -40,6 +40,8 @@ _ROD_LIMIT_CELLS = 3.0
 
 _LARGEST_CAPPED_STRAIN = 0.01
 _CAPPED_THIN_SHARE = 0.02
+_UNSEEN_RATE = 2.0
+"""A swing of this many periods per frame is not seen."""
 
 _LAWS = {"neo_hookean": LawId.NEO_HOOKEAN, "fixed_corotated": LawId.FIXED_COROTATED}
 
@@ -93,6 +95,8 @@ class Assembly:
         true_offset_m: from the simulated to the true rest position of each particle, metres, z up, [P, 3].
         mass_kg: true mass of each particle, [P].
         thickening: parts that are simulated thicker than they are.
+        strain_ratio: true strain over simulated strain of each particle where it bends, [P].
+        yield_strain: strain at which the material yields, infinite where it is not known, [P].
         capped: parts whose thick regions are simulated softer than they are.
         law_warnings: materials whose law is not built yet.
     """
@@ -100,6 +104,8 @@ class Assembly:
     body: Body
     true_offset_m: NDArray[np.float64]
     mass_kg: NDArray[np.float64]
+    strain_ratio: NDArray[np.float64]
+    yield_strain: NDArray[np.float64]
     thickening: tuple[PartThickening, ...]
     capped: tuple[CappedPart, ...]
     law_warnings: tuple[str, ...]
@@ -118,8 +124,10 @@ def assemble_body(
     *,
     frame: Frame,
     held: NDArray[np.bool_],
+    rigid: NDArray[np.bool_],
     cell_m: float,
     max_wave_speed_ms: float,
+    fps: float,
 ) -> Assembly:
     """Give every particle its material, and thicken thin parts until waves are slow enough.
 
@@ -129,12 +137,16 @@ def assemble_body(
         book: material of every part, surface and interior.
         frame: input coordinates -> metres.
         held: particles that do not move.
+        rigid: particles that move and do not deform.
         cell_m: grid cell dx of the simulation, m.
         max_wave_speed_ms: thin parts are thickened until their P-wave is no faster, or to the limit; thick regions
-            are capped at the speed that the thin ones leave, where the strain stays below 1 %.
+            are capped at the speed that the thin ones leave, where nobody can see it.
+        fps: frames per second of the film, which says how fast a swing can be seen.
     """
     p = len(continuum)
+    still = held | rigid
     density, modulus, poisson = np.zeros(p), np.zeros(p), np.zeros(p)
+    yield_strain = np.full(p, math.inf)
     law = np.zeros(p, np.int32)
     warnings: list[str] = []
     for number, name in enumerate(parts.names):
@@ -142,28 +154,31 @@ def assemble_body(
         for inside, material in ((False, book.parts[name].surface), (True, book.parts[name].interior)):
             chosen = mine & (continuum.is_interior == inside)
             law_name, warning = runnable_law(material)
-            if warning is not None and chosen.any() and not held[chosen].all():
+            if warning is not None and chosen.any() and not still[chosen].all():
                 warnings.append(f"part '{name}': {warning}")
             density[chosen] = material.density_kgm3
             modulus[chosen] = material.youngs_modulus_pa
             poisson[chosen] = material.poisson_ratio
             law[chosen] = _LAWS[law_name]
+            if "yield_stress_pa" in material.extra:
+                yield_strain[chosen] = material.extra["yield_stress_pa"] / material.youngs_modulus_pa
     # A slender rod is free to contract across its axis and feels E alone; its strands, thinner than a cell, cannot
     # contract, and with nu they would bend and carry waves with the P-wave modulus instead.
-    poisson[(continuum.shape == ROD) & ~held] = 0.0
+    poisson[(continuum.shape == ROD) & ~still] = 0.0
 
     extent_m = float(np.ptp(frame.to_metres(continuum.positions), axis=0).max())
     ratio = _thickening(continuum, density, modulus, poisson, cell_m, max_wave_speed_ms, extent_m)
-    ratio[held] = 1.0
+    ratio[still] = 1.0
     offset_m = continuum.offset_m * (ratio - 1)[:, None]
     sheet, rod = continuum.shape == SHEET, continuum.shape == ROD
     thin_density = density / np.where(sheet, ratio, np.where(rod, ratio**2, 1))
     thin_modulus = modulus / np.where(sheet, ratio**3, np.where(rod, ratio**4, 1))
     volume = continuum.volume_m3 * np.where(sheet, ratio, np.where(rod, ratio**2, 1))
-    free_solid = (continuum.shape == SOLID) & ~held
+    free_solid = (continuum.shape == SOLID) & ~still
+    stoutness = _stoutness(continuum, frame, ~still, thin_density * volume)
     thin_modulus, capped = _cap(
-        continuum.part, parts.names, free_solid, ~held, thin_density * volume, thin_density, thin_modulus, poisson,
-        max_wave_speed_ms, extent_m,
+        continuum.part, parts.names, free_solid, ~still, thin_density * volume, thin_density, thin_modulus, poisson,
+        max_wave_speed_ms, extent_m, stoutness / fps,
     )  # fmt: skip
     body = Body(
         positions_m=frame.to_metres(continuum.positions) + offset_m,
@@ -177,7 +192,16 @@ def assemble_body(
         part_names=parts.names,
     )
     thickening = _report(continuum, parts.names, ratio, density, modulus, thin_density, thin_modulus)
-    return Assembly(body, -offset_m, continuum.volume_m3 * density, thickening, capped, tuple(dict.fromkeys(warnings)))
+    return Assembly(
+        body,
+        true_offset_m=-offset_m,
+        mass_kg=continuum.volume_m3 * density,
+        strain_ratio=1 / ratio,
+        yield_strain=yield_strain,
+        thickening=thickening,
+        capped=capped,
+        law_warnings=tuple(dict.fromkeys(warnings)),
+    )
 
 
 def _thickening(
@@ -217,19 +241,22 @@ def _cap(
     poisson: NDArray[np.float64],
     max_wave_speed_ms: float,
     extent_m: float,
+    stoutness_s_per_m: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], tuple[CappedPart, ...]]:
     """Young's moduli with the stiffest regions softened to the wave speed that the rest of the body needs anyway.
 
     A thick lump among thin leaves stays far stiffer than what it hangs on, and 2 % of the thin mass, its thickest
     spots, may not set the time step of all. The strain rho (v^2 + g L) / E that the softer material takes, with
-    v = 1 m/s and L the object's size, must stay below 1 %; where it would not, the modulus stays as it is.
+    v = 1 m/s and L the object's size, must stay below 1 %, and a part that is mostly solid must still swing faster
+    than a film can show (twice the frame rate); else the modulus stays as it is. (PHYSICS.md 1.10.)
     """
     thin = free & ~solid
     speeds = np.sqrt(_p_wave_modulus(thin_modulus, poisson) / thin_density)
     speed = max(max_wave_speed_ms, _mass_quantile(speeds[thin], mass[thin], 1 - _CAPPED_THIN_SHARE))
     allowed = thin_density * speed**2 / _p_wave_modulus(1.0, poisson)
     strain = thin_density * (1.0 + 9.81 * extent_m) / allowed
-    chosen = free & (thin_modulus > 1.001 * allowed) & (strain < _LARGEST_CAPPED_STRAIN)
+    invisible = (strain < _LARGEST_CAPPED_STRAIN) & (stoutness_s_per_m * np.sqrt(allowed / thin_density) > _UNSEEN_RATE)
+    chosen = free & (thin_modulus > 1.001 * allowed) & invisible
     capped = []
     for number in np.unique(part[chosen]):
         mine = chosen & (part == number)
@@ -242,6 +269,25 @@ def _cap(
             )
         )
     return np.where(chosen, allowed, thin_modulus), tuple(capped)
+
+
+def _stoutness(
+    continuum: Continuum, frame: Frame, free: NDArray[np.bool_], mass: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """0.16 t / L^2 of each particle's part, [P], 1/m: times the wave speed it is the part's lowest frequency.
+
+    t and L are the shortest and the longest side of the part's box along its principal axes. Parts that are mostly
+    sheets and rods bend in those, whatever their thick spots do: infinite.
+    """
+    found = np.full(len(continuum), math.inf)
+    for number in np.unique(continuum.part[free]):
+        mine = free & (continuum.part == number)
+        if mass[mine & (continuum.shape == SOLID)].sum() > 0.5 * mass[mine].sum():
+            points = frame.to_metres(continuum.positions[mine])
+            points -= points.mean(0)
+            sides = np.ptp(points @ np.linalg.svd(points.T @ points)[0], axis=0) + continuum.spacing_m
+            found[continuum.part == number] = 0.16 * sides.min() / sides.max() ** 2
+    return found
 
 
 def _mass_quantile(values: NDArray[np.float64], mass: NDArray[np.float64], share: float) -> float:

@@ -1,5 +1,7 @@
 """Motion presets: what is held, what pushes, how it is damped.
 
+``drop``: nothing is held, and weight pulls the object down on a ground below it.
+
 ``sway``: what stands on the ground is held, a gust moves the rest. The same 3-5 m/s2 gave 15 mm on one object and
 255 mm on another (MOTION.md, technique 10), so the gust is scaled by a probe: the first half second under a weak gust
 gives the motion per m/s2 and the frequency, which also sets the damping. The probe runs on the grid of the film: on
@@ -23,6 +25,7 @@ __all__ = [
     "Held",
     "ProbeResult",
     "choose_held",
+    "damped_drop_per_s",
     "damped_frequency",
     "damping_per_s",
     "gust",
@@ -39,6 +42,7 @@ _PROBE_FPS = 24.0
 _LONGEST_PROBE_S = 0.7  # what swings more slowly goes a little farther than it was aimed at
 _PAST_PEAK = 0.97
 _ASSUMED_FREQUENCY_HZ = 1.0
+_DROP_FREQUENCY_HZ = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +68,14 @@ class ProbeResult:
         acceleration_ms2: gust that reaches the amplitude aimed at.
         frequency_hz: of the swing that the gust excites.
         displacement_per_ms2_m: 99th percentile of the largest displacement per m/s2 of gust.
+        strain_per_ms2: largest strain of each particle (of the Green tensor, Frobenius norm) per m/s2 of gust, as
+            simulated, [P].
     """
 
     acceleration_ms2: float
     frequency_hz: float
     displacement_per_ms2_m: float
+    strain_per_ms2: NDArray[np.float64]
 
 
 def choose_held(continuum: Continuum, parts: Parts, *, frame: Frame, holds: Mapping[str, str], automatic: bool) -> Held:
@@ -78,7 +85,7 @@ def choose_held(continuum: Continuum, parts: Parts, *, frame: Frame, holds: Mapp
         continuum: particles.
         parts: names and number of parts.
         frame: input coordinates -> metres.
-        holds: "fixed" or "free" by part name, as the user wants it; other parts are decided here.
+        holds: "fixed", "rigid" or "free" by part name, as the user wants it; other parts are decided here.
         automatic: hold what stands on the ground; otherwise only what the user names.
 
     Raises:
@@ -91,7 +98,7 @@ def choose_held(continuum: Continuum, parts: Parts, *, frame: Frame, holds: Mapp
                 f"{did_you_mean(name, parts.names)}"
             )
     named = {n for n, hold in holds.items() if hold == "fixed"}
-    free = {n for n, hold in holds.items() if hold == "free"}
+    free = {n for n, hold in holds.items() if hold in ("free", "rigid")}
     if not automatic or named:
         return _held_parts(continuum, parts, named, "held as asked for" if named else "nothing is held")
     z = frame.to_metres(continuum.positions)
@@ -158,6 +165,11 @@ def damping_per_s(damping_ratio: float, frequency_hz: float) -> float:
     return 4 * math.pi * damping_ratio * frequency_hz
 
 
+def damped_drop_per_s(damping_ratio: float) -> float:
+    """Damping of what falls: as of a swing at 2 Hz, since no gust says how fast it swings."""
+    return damping_per_s(damping_ratio, _DROP_FREQUENCY_HZ)
+
+
 def probe_gust(
     body: Body,
     settings: Settings,
@@ -190,17 +202,22 @@ def probe_gust(
         replace(
             settings,
             frame_time_s=1 / _PROBE_FPS,
+            gravity_ms2=(0.0, 0.0, 0.0),
             accelerations=(gust(direction_up, _PROBE_MS2, duration_s),),
             damping_per_s=damping_per_s(damping_ratio, _ASSUMED_FREQUENCY_HZ),
         ),
     )
     rest = body.positions_m[free]
     most = math.ceil((_LONGEST_PROBE_S + duration_s) * _PROBE_FPS)
-    reached = np.zeros(len(rest))
+    reached, strain = np.zeros(len(rest)), np.zeros(len(body))
     history: list[NDArray[np.float64]] = []
     largest = 0.0
     for k in range(most):
-        displacement = simulator.advance().positions_m[free] - rest
+        state = simulator.advance()
+        displacement = state.positions_m[free] - rest
+        gradients = state.deformation_gradients.astype(np.float64)
+        green = 0.5 * (np.einsum("pai,paj->pij", gradients, gradients) - np.eye(3))
+        strain = np.maximum(strain, np.linalg.norm(green, axis=(1, 2)))
         size = np.linalg.norm(displacement, axis=1)
         reached = np.maximum(reached, size)
         history.append(displacement @ direction_up)
@@ -215,7 +232,8 @@ def probe_gust(
         raise SimulationError("sway: the gust of the probe moved nothing; check what is held.")
     loose = reached > np.percentile(reached, 80)
     signal = np.array(history)[:, loose].mean(1)
-    return ProbeResult(aim_m / per_ms2, gust_response_frequency(signal, 1 / _PROBE_FPS, duration_s), per_ms2)
+    frequency = gust_response_frequency(signal, 1 / _PROBE_FPS, duration_s)
+    return ProbeResult(aim_m / per_ms2, frequency, per_ms2, strain / _PROBE_MS2)
 
 
 def gust_response_frequency(signal: Sequence[float] | NDArray[np.float64], step_s: float, gust_s: float) -> float:

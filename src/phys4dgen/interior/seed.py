@@ -1,4 +1,4 @@
-"""Particles: solids on a lattice of half a grid cell, sheets in two layers, rods in 3 x 3 strands.
+"""Particles: solids on a lattice of half a grid cell, sheets in two layers, ribbons in four strands and rods in nine.
 
 Two layers at +-t / (2 sqrt 3) of the mid-surface have the second moment t^3 / 12 of the true sheet, so that MPM
 bends it as Euler and Bernoulli say although it is thinner than a grid cell; one layer would not resist bending at
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from phys4dgen.interior.ribbons import ribbon_axes
 from phys4dgen.interior.sites import Sites
 from phys4dgen.types import ROD, SHEET, SOLID
 
@@ -56,16 +57,27 @@ def seed_solid(index: NDArray[np.int64], share: NDArray[np.float64]) -> Seeds:
 
 
 def seed_sheets(sites: Sites, thickness: NDArray[np.float64], measured: NDArray[np.bool_]) -> Seeds:
-    """Two particles per site, at +-t / (2 sqrt 3) along the normal."""
-    s = len(sites)
-    half = (thickness / (2 * math.sqrt(3)))[:, None] * sites.direction
+    """Two particles per site, at +-t / (2 sqrt 3) along the normal; four where the sheet is a ribbon (ribbons.py).
+
+    The four stand in a square and in a diamond by turns, across the ribbon; both have the second moments of the
+    site's cross-section, one voxel wide and t thick.
+    """
+    narrow, across = ribbon_axes(sites)
+    turned = (np.rint(sites.position).sum(1) % 2 > 0)[:, None]
+    half, corner = 1 / (2 * math.sqrt(3)), 1 / math.sqrt(6)
+    sides = np.where(turned, [corner, -corner, 0, 0], [half, half, -half, -half])
+    rises = np.where(turned, [0, 0, corner, -corner], [half, -half, half, -half])
+    sides = np.where(narrow[:, None], sides, 0.0)
+    rises = np.where(narrow[:, None], rises, [half, -half, 0, 0])
+    site, column = np.nonzero(narrow[:, None] | (np.arange(4) < 2))
+    p = len(site)
     return Seeds(
-        np.repeat(sites.position, 2, 0),
-        np.stack([half, -half], 1).reshape(-1, 3),
-        np.repeat(sites.extent * thickness / 2, 2),
-        np.full(2 * s, SHEET, np.int8),
-        np.repeat(thickness, 2),
-        np.repeat(measured, 2),
+        sites.position[site] + sides[site, column][:, None] * across[site],
+        (rises[site, column] * thickness[site])[:, None] * sites.direction[site],
+        (sites.extent * thickness / np.where(narrow, 4, 2))[site],
+        np.full(p, SHEET, np.int8),
+        thickness[site],
+        measured[site],
     )
 
 

@@ -101,7 +101,11 @@ STAGES = (
         ignores=("parts.*.material", "parts.*.interior_material", "simulation.threads"),
         takes=("parts", "part names", "particles", "materials"),
         makes=("motion",),
-        code=(*_SHARED_CODE, "mpm", "body.py", "motion.py", "animate", "stages/motion.py", "stages/motion_facts.py"),
+        code=(
+            *_SHARED_CODE,
+            *("mpm", "body.py", "joints.py", "motion.py", "animate"),
+            *("stages/motion.py", "stages/motion_plan.py", "stages/motion_facts.py"),
+        ),
         files=("trajectory.npz", "motion.json"),
     ),
     Stage(

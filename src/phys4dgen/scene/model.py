@@ -30,6 +30,7 @@ from phys4dgen.yaml12 import YamlPath
 __all__ = [
     "ALL_PARTS",
     "AccelerationForce",
+    "Ground",
     "Grouping",
     "Interior",
     "Materials",
@@ -196,8 +197,9 @@ class Materials(_Section):
 class PartOptions(_Section):
     """What the user says about one part."""
 
-    hold: Literal["auto", "fixed", "free"] = "auto"
-    """fixed: does not move; auto: as the motion preset decides"""
+    hold: Literal["auto", "fixed", "rigid", "free"] = "auto"
+    """fixed: does not move; rigid: moves and never deforms; free: moves and deforms; auto: as the motion preset and
+    the part's stiffness decide"""
     material: str | None = None
     """of the surface, by its name in the library; null: as identified"""
     interior_material: str | None = None
@@ -230,8 +232,9 @@ class AccelerationForce(_Section):
 class Motion(_Section):
     """What happens to the object, besides the forces given."""
 
-    preset: Literal["auto", "sway", "rest"] = "auto"
-    """sway: a gust on what is not held; rest: nothing; auto: rest where forces are given, else sway"""
+    preset: Literal["auto", "sway", "drop", "rest"] = "auto"
+    """sway: a gust on what is not held; drop: falls on a ground; rest: nothing; auto: rest where forces are given, else
+    sway if a gust of 3 g is enough for it and breaks nothing, else drop"""
     wind: Auto | Direction = "auto"
     """direction of the gust in the input's axes; auto: horizontal"""
     amplitude_rel: Annotated[float, Field(gt=0, le=0.5)] = 0.10
@@ -240,6 +243,21 @@ class Motion(_Section):
     """strength of the gust; auto: from a short probe that aims at amplitude_rel"""
     duration_s: Annotated[float, Field(gt=0, le=60)] = 0.3
     """length of the gust"""
+    drop_height_rel: Annotated[float, Field(ge=0, le=10)] = 0.4
+    """of drop: from the lowest point to the ground, of the height"""
+
+
+class Ground(_Section):
+    """A level plane on which the object falls or stands."""
+
+    kind: Literal["ground"] = "ground"
+    """ground: nothing passes below it"""
+    friction: Annotated[float, Field(ge=0, le=10)] = 0.4
+    """Coulomb's coefficient"""
+    contact: Literal["separate", "slip", "sticky"] = "separate"
+    """separate: pushes, never pulls, and rubs; slip: holds down without friction; sticky: what touches it stays"""
+    below_m: Auto | Annotated[float, Field(ge=0, le=1000)] = "auto"
+    """from the object's lowest point down to the plane; auto: drop_height_rel where the preset is drop, else 0"""
 
 
 class Simulation(_Section):
@@ -259,8 +277,8 @@ class Simulation(_Section):
     """of the lowest mode (mass-proportional)"""
     max_substeps: Annotated[int, Field(ge=10, le=1_000_000)] = 1500
     """per frame: thin parts are thickened until they need no more"""
-    substep_limit: Annotated[int, Field(ge=10, le=10_000_000)] = 20_000
-    """per frame: a part that still needs more is refused; hold it or soften it"""
+    substep_limit: Annotated[int, Field(ge=10, le=10_000_000)] = 6000
+    """per frame: a part that still needs more moves as a rigid body"""
     threads: Auto | Annotated[int, Field(ge=1, le=1024)] = "auto"
     """auto: all cores; at a given number of chunks the result does not depend on it"""
     chunks: Auto | Annotated[int, Field(ge=1, le=1024)] = "auto"
@@ -317,8 +335,11 @@ class Scene(_Section):
     motion: Motion = Field(default_factory=Motion)
     forces: tuple[AccelerationForce, ...] = ()
     """accelerations besides the motion's own"""
-    gravity: Literal["rest"] = "rest"
-    """rest: the shape given is at rest under gravity"""
+    gravity: Literal["auto", "rest", "on", "off"] = "auto"
+    """rest: the shape given is at rest under its weight, which adds no second sag; on: weight acts on an unloaded
+    shape; off: weightless; auto: on for drop, else rest"""
+    boundaries: tuple[Ground, ...] = ()
+    """what the object may not pass; drop adds a ground where none is given"""
     simulation: Simulation = Field(default_factory=Simulation)
     output: Output = Field(default_factory=Output)
 
@@ -326,8 +347,9 @@ class Scene(_Section):
     @classmethod
     def _lists_to_tuples(cls, data: Any) -> Any:
         """YAML has lists only; in strict mode pydantic wants the tuple."""
-        if isinstance(data, Mapping) and isinstance(data.get("forces"), list):
-            return {**data, "forces": tuple(data["forces"])}
+        if isinstance(data, Mapping):
+            lists = {key: tuple(data[key]) for key in ("forces", "boundaries") if isinstance(data.get(key), list)}
+            return {**data, **lists}
         return data
 
     @model_validator(mode="after")
@@ -336,6 +358,8 @@ class Scene(_Section):
             raise ValueError("height_m and longest_m both give the size; keep one of them")
         if ALL_PARTS in self.parts:
             raise ValueError(f"parts: '{ALL_PARTS}' means every part in a force and cannot name a part")
+        if len(self.boundaries) > 1:
+            raise ValueError(f"boundaries: one ground is enough, got {len(self.boundaries)}")
         return self
 
     @property

@@ -7,7 +7,22 @@ from dataclasses import dataclass, field
 from phys4dgen.body import CappedPart, PartThickening
 from phys4dgen.mpm import Frame as SimulatedFrame
 
-__all__ = ["MotionFacts"]
+__all__ = ["MotionFacts", "RigidPart"]
+
+
+@dataclass(frozen=True)
+class RigidPart:
+    """A part that moves without deforming.
+
+    Attributes:
+        part: name.
+        body: parts with the same number move as one; None where it is held, since it touches what is held.
+        reason: one sentence.
+    """
+
+    part: str
+    body: int | None
+    reason: str
 
 
 @dataclass
@@ -15,11 +30,16 @@ class MotionFacts:
     """Filled while the motion is prepared and simulated.
 
     Attributes:
-        preset: sway or rest.
+        preset: sway, drop or rest.
         held: parts or region held, with the reason.
+        why: how the preset came about, where it was left open.
+        gravity: rest, on or off.
+        ground_below_m: from the lowest point at rest down to the ground, None without ground.
+        rigid: parts that do not deform.
+        touching_particles: free particles that are near held ones without having grown together with them.
         wind_up: direction of the gust, axes with z up.
         gust_ms2, gust_s: its strength and length.
-        frequency_hz: lowest frequency that the probe saw.
+        frequency_hz: of the swing that the probe saw.
         damping_per_s: mass-proportional damping.
         cell_m, cfl, substeps, dt_s: of the solver; substeps and dt per frame.
         welded_share: share of thin surfaces that the grid cannot tell from their neighbours.
@@ -31,6 +51,11 @@ class MotionFacts:
 
     preset: str
     held: str
+    why: str = ""
+    gravity: str = "rest"
+    ground_below_m: float | None = None
+    rigid: list[RigidPart] = field(default_factory=list)
+    touching_particles: int = 0
     wind_up: list[float] | None = None
     gust_ms2: float = 0.0
     gust_s: float = 0.0

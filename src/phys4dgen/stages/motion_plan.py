@@ -1,0 +1,334 @@
+"""From the scene to what the solver gets: what is held, what is rigid, what pushes, what it falls on."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.body import Assembly, assemble_body
+from phys4dgen.errors import SimulationError
+from phys4dgen.joints import bonded_to_held, rigid_bodies
+from phys4dgen.motion import (
+    Held,
+    ProbeResult,
+    choose_held,
+    damped_drop_per_s,
+    damping_per_s,
+    gust,
+    probe_gust,
+)
+from phys4dgen.mpm import Acceleration, Body, Ground, Settings, stiff_parts
+from phys4dgen.progress import Progress
+from phys4dgen.scene import ALL_PARTS, Scene
+from phys4dgen.scene.model import Ground as GroundOptions
+from phys4dgen.stages.asset import Asset
+from phys4dgen.stages.motion_facts import MotionFacts, RigidPart
+from phys4dgen.types import Continuum, MaterialBook, Parts
+
+__all__ = ["Plan", "plan_motion"]
+
+_GRAVITY_MS2 = 9.81
+_STRONGEST_SWAY_MS2 = 3 * _GRAVITY_MS2
+_VISIBLE_SAG = 0.03
+_YIELDING_SHARE = 0.01
+"""A part is taken beyond yield where this share of its mass is; single particles at a notch say little."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What is simulated, and how.
+
+    Attributes:
+        held: what does not move.
+        assembly: the body, with rigid bodies and bonds.
+        settings: loads, ground and damping.
+        facts: what was decided, for the report.
+    """
+
+    held: Held
+    assembly: Assembly
+    settings: Settings
+    facts: MotionFacts
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """What every step here needs."""
+
+    scene: Scene
+    asset: Asset
+    parts: Parts
+    continuum: Continuum
+    book: MaterialBook
+    progress: Progress
+
+
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """The body for one preset, before its loads are known."""
+
+    preset: str
+    held: Held
+    rigid: tuple[RigidPart, ...]
+    assembly: Assembly
+    settings: Settings
+
+
+def plan_motion(
+    scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, book: MaterialBook, progress: Progress
+) -> Plan:
+    """Decide what happens to the object.
+
+    Raises:
+        SceneError: a part that the scene names does not exist.
+        SimulationError: nothing could move, or a part that must deform is too stiff for the budget.
+    """
+    given = _Given(scene, asset, parts, continuum, book, progress)
+    asked = scene.motion.preset
+    if asked == "auto" and not scene.forces:
+        return _sway_or_drop(given)
+    prepared = _prepare(given, "rest" if asked == "auto" else asked)
+    if prepared.held.particles.all():
+        raise SimulationError(
+            f"Every part is held ({prepared.held.reason}); free one with 'parts: {{NAME: {{hold: free}}}}'."
+        )
+    probe = _probe(given, prepared) if prepared.preset == "sway" or scene.forces else None
+    return _finish(given, prepared, probe, why="")
+
+
+def _sway_or_drop(given: _Given) -> Plan:
+    """``sway`` if a gust can do it and breaks nothing, else ``drop``."""
+    prepared = _prepare(given, "sway")
+    if not prepared.assembly.body.is_soft.any():
+        return _finish(given, _prepare(given, "drop"), None, why="drop, since nothing that is not held would bend")
+    probe = _probe(given, prepared)
+    strength = probe.acceleration_ms2
+    if strength > _STRONGEST_SWAY_MS2:
+        why = f"drop, since a sway would take a gust of {strength / _GRAVITY_MS2:.2g} g"
+        return _finish(given, _prepare(given, "drop"), None, why=why)
+    yielding = _first_to_yield(given, prepared.assembly, probe, strength)
+    if yielding is not None:
+        why = f"drop, since a sway would take part '{yielding}' beyond its yield stress"
+        return _finish(given, _prepare(given, "drop"), None, why=why)
+    return _finish(given, prepared, probe, why=f"sway, since a gust of {strength / _GRAVITY_MS2:.2g} g is enough")
+
+
+def _first_to_yield(given: _Given, assembly: Assembly, probe: ProbeResult, strength_ms2: float) -> str | None:
+    strain = probe.strain_per_ms2 * strength_ms2 * assembly.strain_ratio
+    beyond = (strain > assembly.yield_strain) & assembly.body.is_soft
+    for number, name in enumerate(given.parts.names):
+        mine = assembly.body.part == number
+        if assembly.mass_kg[mine & beyond].sum() > _YIELDING_SHARE * assembly.mass_kg[mine].sum():
+            return name
+    return None
+
+
+# ------------------------------------------------------------------------------------------------ the body
+
+
+def _prepare(given: _Given, preset: str) -> _Prepared:
+    """Decide what is held and what is rigid; parts too stiff for the budget become rigid one after the other."""
+    scene, asset, parts, continuum = given.scene, given.asset, given.parts, given.continuum
+    options = {name: choice.hold for name, choice in scene.parts.items()}
+    automatic = preset == "sway" or (preset == "rest" and bool(scene.forces))
+    named = {name: hold for name, hold in options.items() if hold != "auto"}
+    held = choose_held(continuum, parts, frame=asset.frame, holds=named, automatic=automatic)
+    reasons = {parts.names.index(name): "as asked for" for name, hold in options.items() if hold == "rigid"}
+    rest_m = asset.frame.to_metres(continuum.positions)
+    while True:
+        body_of, stuck = rigid_bodies(
+            rest_m, continuum.part, rigid_parts=reasons, held=held.particles, cell_m=asset.cell_m
+        )
+        clamped = _with_parts(held, continuum, parts, stuck)
+        assembly = _assembled(given, clamped, body_of)
+        settings = _settings(given, preset, clamped, assembly.body)
+        stiff = [part for part in stiff_parts(assembly.body, settings) if part.part not in reasons]
+        if not stiff:
+            break
+        if options.get(stiff[0].name) == "free":
+            raise SimulationError(f"Too stiff for the budget: {stiff[0]} (--hold {stiff[0].name}).")
+        reasons[stiff[0].part] = (
+            f"E = {stiff[0].youngs_modulus_pa:.3g} Pa would need {stiff[0].needed_substeps} substeps per frame, "
+            f"{stiff[0].allowed_substeps} are allowed"
+        )
+    rigid = []
+    for number, reason in sorted(reasons.items()):
+        own = body_of[continuum.part == number]
+        moving = own[own >= 0]
+        rigid.append(RigidPart(parts.names[number], int(moving[0]) if len(moving) else None, reason))
+    return _Prepared(preset, clamped, tuple(rigid), assembly, settings)
+
+
+def _with_parts(held: Held, continuum: Continuum, parts: Parts, stuck: tuple[int, ...]) -> Held:
+    """What is held, and the rigid parts that touch it."""
+    if not stuck:
+        return held
+    names = tuple(parts.names[number] for number in stuck)
+    return Held(
+        held.particles | np.isin(continuum.part, stuck),
+        tuple(name for name in parts.names if name in (*held.parts, *names)),
+        f"{held.reason}; {', '.join(names)}: does not deform and touches what is held",
+    )
+
+
+def _assembled(given: _Given, held: Held, body_of: NDArray[np.int32]) -> Assembly:
+    """The body, its thin parts thickened until a frame needs no more than max_substeps."""
+    scene, asset, continuum = given.scene, given.asset, given.continuum
+    slowest = asset.cell_m * scene.simulation.cfl * scene.simulation.max_substeps / scene.frame_time_s
+    assembly = assemble_body(
+        continuum,
+        given.parts,
+        given.book,
+        frame=asset.frame,
+        held=held.particles,
+        rigid=body_of >= 0,
+        cell_m=asset.cell_m,
+        max_wave_speed_ms=0.9 * slowest,  # a tenth of the speed is left to the motion itself
+        fps=scene.simulation.fps,
+    )
+    pieces = np.stack([continuum.part, continuum.piece], 1)
+    bonded = bonded_to_held(
+        asset.frame.to_metres(continuum.positions),
+        held.particles,
+        piece=np.unique(pieces, axis=0, return_inverse=True)[1].reshape(-1),
+        cell_m=asset.cell_m,
+    )
+    return replace(assembly, body=replace(assembly.body, rigid_group=body_of, bonded_to_held=bonded))
+
+
+# ------------------------------------------------------------------------------------------------ loads
+
+
+def _settings(given: _Given, preset: str, held: Held, body: Body) -> Settings:
+    """The solver's settings without gust, forces and damping."""
+    scene, asset = given.scene, given.asset
+    gravity = _gravity(scene, preset)
+    ground = _ground_options(scene, preset)
+    plane = None
+    if ground is not None:
+        lowest_m = float(body.positions_m[~held.particles, 2].min(initial=math.inf))
+        below_m = _ground_below_m(scene, asset, preset, ground)
+        height_m = lowest_m - 0.5 * given.continuum.spacing_m - below_m
+        plane = Ground(height_m=height_m, contact=ground.contact, friction=ground.friction)
+    return Settings(
+        dx_m=asset.cell_m,
+        frame_time_s=scene.frame_time_s,
+        gravity_ms2=(0.0, 0.0, -_GRAVITY_MS2 if gravity == "on" else 0.0),
+        ground=plane,
+        damping_relative_to_rigid=not held.particles.any(),
+        cfl=scene.simulation.cfl,
+        chunks=_chunks(scene),
+        max_substeps_per_frame=scene.simulation.substep_limit,
+    )
+
+
+def _gravity(scene: Scene, preset: str) -> str:
+    if scene.gravity != "auto":
+        return scene.gravity
+    return "on" if preset == "drop" else "rest"
+
+
+def _ground_options(scene: Scene, preset: str) -> GroundOptions | None:
+    if scene.boundaries:
+        return scene.boundaries[0]
+    return GroundOptions() if preset == "drop" else None
+
+
+def _ground_below_m(scene: Scene, asset: Asset, preset: str, ground: GroundOptions) -> float:
+    if not isinstance(ground.below_m, str):
+        return ground.below_m
+    return scene.motion.drop_height_rel * asset.height_m if preset == "drop" else 0.0
+
+
+def _probe(given: _Given, prepared: _Prepared) -> ProbeResult:
+    scene, asset, progress = given.scene, given.asset, given.progress
+    started = time.perf_counter()
+    probe = probe_gust(
+        prepared.assembly.body,
+        replace(prepared.settings, ground=None),
+        direction_up=_wind_up(scene, asset),
+        duration_s=scene.motion.duration_s,
+        aim_m=scene.motion.amplitude_rel * asset.height_m,
+        damping_ratio=scene.simulation.damping_ratio,
+        on_frame=lambda k, n: progress.update(k, n, "frames of the probe"),
+    )
+    progress.note(
+        f"Probe: {1e3 * probe.displacement_per_ms2_m:.3g} mm per m/s2 of gust, swings at {probe.frequency_hz:.2g} Hz "
+        f"({time.perf_counter() - started:.0f} s)."
+    )
+    return probe
+
+
+def _finish(given: _Given, prepared: _Prepared, probe: ProbeResult | None, *, why: str) -> Plan:
+    """The plan with its loads and its damping."""
+    scene, asset, progress = given.scene, given.asset, given.progress
+    preset, held, settings = prepared.preset, prepared.held, prepared.settings
+    facts = MotionFacts(
+        preset, held.reason, why=why, gravity=_gravity(scene, preset), cell_m=asset.cell_m, cfl=scene.simulation.cfl
+    )
+    facts.rigid = list(prepared.rigid)
+    bonded = prepared.assembly.body.bonded_to_held
+    assert bonded is not None
+    facts.touching_particles = int((~bonded).sum())
+    ground = _ground_options(scene, preset)
+    if ground is not None:
+        facts.ground_below_m = _ground_below_m(scene, asset, preset, ground)
+    if why:
+        progress.note(f"Motion: {why}.")
+    forces = _forces(given)
+    if probe is not None:
+        facts.frequency_hz = probe.frequency_hz
+        facts.damping_per_s = damping_per_s(scene.simulation.damping_ratio, probe.frequency_hz)
+        _warn_of_sag(facts, probe, asset, progress)
+    elif preset == "drop":
+        facts.damping_per_s = damped_drop_per_s(scene.simulation.damping_ratio)
+    if preset == "sway" and probe is not None:
+        wind, asked = _wind_up(scene, asset), scene.motion.acceleration_ms2
+        strength = probe.acceleration_ms2 if isinstance(asked, str) else asked
+        facts.wind_up, facts.gust_ms2, facts.gust_s = wind.tolist(), strength, scene.motion.duration_s
+        forces = (*forces, gust(wind, strength, scene.motion.duration_s))
+        progress.note(f"Gust of {strength:.3g} m/s2 for {scene.motion.duration_s:g} s; held: {facts.held}.")
+    if preset == "drop":
+        progress.note(f"Falls {1e3 * (facts.ground_below_m or 0):.0f} mm to the ground; {facts.held}.")
+    for part in prepared.rigid:
+        progress.warn(f"Part '{part.part}' does not deform: {part.reason}.")
+    settings = replace(settings, accelerations=forces, damping_per_s=facts.damping_per_s)
+    return Plan(held, prepared.assembly, settings, facts)
+
+
+def _warn_of_sag(facts: MotionFacts, probe: ProbeResult, asset: Asset, progress: Progress) -> None:
+    sag_m = probe.displacement_per_ms2_m * _GRAVITY_MS2
+    if facts.gravity == "on" and sag_m > _VISIBLE_SAG * asset.height_m:
+        progress.warn(
+            f"Gravity acts on an unloaded shape, which sags by about {sag_m / asset.height_m:.0%} of the height; a "
+            "captured shape hangs already: use gravity: rest."
+        )
+
+
+def _chunks(scene: Scene) -> int:
+    """Chunks of the solver: as many as threads, unless the scene fixes them."""
+    chosen = scene.simulation.chunks
+    return numba.get_num_threads() if isinstance(chosen, str) else chosen
+
+
+def _wind_up(scene: Scene, asset: Asset) -> NDArray[np.float64]:
+    """Unit direction of the gust in upright axes; by default to the right in the film."""
+    wind = scene.motion.wind
+    if isinstance(wind, str):
+        return np.array([1.0, 0.0, 0.0])
+    direction = asset.frame.rotation @ np.array(wind)
+    return direction / np.linalg.norm(direction)
+
+
+def _forces(given: _Given) -> tuple[Acceleration, ...]:
+    found = []
+    for force in given.scene.forces:
+        x, y, z = (float(v) for v in given.asset.frame.rotation @ np.array(force.value_ms2))
+        part = None if force.part == ALL_PARTS else given.parts.names.index(force.part)
+        found.append(Acceleration((x, y, z), force.from_s, force.to_s, part=part))
+    return tuple(found)
