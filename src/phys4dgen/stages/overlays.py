@@ -31,6 +31,7 @@ _FORCE_COLOR: Color = (213, 94, 0)
 _SCALE_FRAMES = 12
 _SCALE_PERCENTILE = 99.5
 _STILL = 1e-5
+_GRAVITY_MS2 = 9.81
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +182,8 @@ class _Forces:
         arrows = [arrow for push in active for arrow in self._arrows(push, positions, camera)]
         entries: list[tuple[Color | None, str]] = [(None, f"t = {time_s:.2f} s")]
         for push in self._pushes:
-            strength = f"{push.name} {np.linalg.norm(push.value_ms2):.3g} m/s2, {push.from_s:g} to {push.to_s:g} s"
+            window = "" if math.isinf(push.to_s) else f", {push.from_s:g} to {push.to_s:g} s"
+            strength = f"{push.name} {np.linalg.norm(push.value_ms2):.3g} m/s2{window}"
             entries.append((_FORCE_COLOR if push in active else (205, 205, 205), strength))
         if not self._pushes:
             entries.append((None, "no force"))
@@ -221,7 +223,7 @@ class _Forces:
 
 
 def _pushes(inputs: OverlayInputs) -> list[_Push]:
-    """The forces of the scene and the gust of the motion, in input axes."""
+    """The forces of the scene, the gust of the motion and weight where it acts, in input axes."""
     pushes = [
         _Push(
             np.array(force.value_ms2),
@@ -236,6 +238,9 @@ def _pushes(inputs: OverlayInputs) -> list[_Push]:
     if facts.wind_up is not None and facts.gust_ms2:
         wind = inputs.asset.frame.rotation.T @ np.array(facts.wind_up)
         pushes.append(_Push(facts.gust_ms2 * wind, 0.0, facts.gust_s, None, "gust"))
+    gravity: str = inputs.scene.gravity
+    if gravity == "on" or (gravity == "auto" and facts.preset == "drop"):
+        pushes.append(_Push(-_GRAVITY_MS2 * inputs.asset.frame.up, 0.0, math.inf, None, "gravity"))
     return pushes
 
 
