@@ -1,9 +1,9 @@
-"""A bundled object as a real capture would hold it: layers of noisy, half transparent Gaussians, and floaters.
+"""A bundled object as a real capture would hold it: noisy, half transparent Gaussians, floaters, and holes.
 
 The figures are those measured on real splats: of the Gaussians of a capture 30 % have an opacity above 0.5, 45 % one
 between 0.1 and 0.5, 25 % less; the lightness of neighbours differs by a heavy-tailed 6, 11 and 22 units in these three
 classes, a and b by less; every eighth has taken on colour from its neighbours; many are needles; one in fifty is a big
-faint floater of any colour.
+faint floater of any colour. Where the photographer never looked there is nothing.
 """
 
 from __future__ import annotations
@@ -28,10 +28,14 @@ _NOISE_OF_LAB = np.array([1.0, 0.45, 0.65]) * 0.8
 _BLEED_SHARE = 0.12
 _BLEED_NEIGHBOURS = 24
 _FLOATER_SHARE = 0.02
+_HOLE_RADIUS = 0.05
+"""Of half the object's diagonal."""
+_MAX_HOLE_SHARE = 0.25
+"""A part that would lose more than this to holes keeps all of its Gaussians."""
 
 
 def as_captured(
-    gaussians: Gaussians, labels: NDArray[np.int32], *, seed: int = 0
+    gaussians: Gaussians, labels: NDArray[np.int32], *, seed: int = 0, hole_count: int = 5
 ) -> tuple[Gaussians, NDArray[np.int32]]:
     """The same object with the faults of a capture, in a new order.
 
@@ -39,11 +43,14 @@ def as_captured(
         gaussians: N clean Gaussians.
         labels: part of each, shape [N].
         seed: of all noise; the same seed gives the same arrays.
+        hole_count: places about which the surface is missing.
 
     Returns:
-        About 1.02 N Gaussians without view-dependent colour, and their parts; ``FLOATER`` for those of no part.
+        About N Gaussians without view-dependent colour, and their parts; ``FLOATER`` for those of no part.
     """
     rng = np.random.default_rng([seed, 41])
+    kept = ~_in_holes(gaussians.means, labels, hole_count, np.random.default_rng([seed, 43]))
+    gaussians, labels = gaussians.subset(kept), labels[kept]
     n = len(gaussians)
     opacities, lightness_noise = _opacities(n, rng)
     means = gaussians.means.astype(np.float64)
@@ -71,6 +78,21 @@ def as_captured(
     return joined.subset(order), parts
 
 
+def _in_holes(
+    means: NDArray[np.float32], labels: NDArray[np.int32], count: int, rng: np.random.Generator
+) -> NDArray[np.bool_]:
+    """Which Gaussians lie in one of ``count`` balls about some of them, shape [N]."""
+    radius = _HOLE_RADIUS * _half_diagonal(means)
+    centres = means[rng.integers(0, len(means), count)]
+    missing = np.isfinite(KDTree(centres).query(means, distance_upper_bound=radius)[0]) if count else labels < 0
+    lost = np.bincount(labels[missing], minlength=labels.max() + 1) / np.bincount(labels)
+    return missing & (lost[labels] <= _MAX_HOLE_SHARE)
+
+
+def _half_diagonal(means: NDArray[np.float32]) -> float:
+    return float(np.linalg.norm(np.ptp(means, axis=0))) / 2
+
+
 def _opacities(n: int, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Opacity of every Gaussian and the noise of its lightness, each of shape [N]."""
     shares, lowest, highest, noise = np.array(_OPACITY_CLASSES).T
@@ -81,7 +103,7 @@ def _opacities(n: int, rng: np.random.Generator) -> tuple[NDArray[np.float64], N
 def _floaters(solid: Gaussians, rng: np.random.Generator) -> Gaussians:
     """Big faint Gaussians of any colour around the object."""
     n = max(1, round(_FLOATER_SHARE * len(solid)))
-    radius = float(np.linalg.norm(np.ptp(solid.means, axis=0))) / 2
+    radius = _half_diagonal(solid.means)
     quats = rng.normal(size=(n, 4))
     home = solid.means[rng.integers(0, len(solid), n)]
     return Gaussians(

@@ -1,0 +1,63 @@
+"""The faults of a capture: the figures that they were made after, labels that stay true, holes, repeatability."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from phys4dgen.types.color import srgb_to_lab
+from phys4dgen.zoo import ZooObject, bundled
+from phys4dgen.zoo.captured import FLOATER, as_captured
+
+
+@pytest.fixture(scope="module")
+def duck() -> ZooObject:
+    return bundled("rubber_duck", light="unlit")
+
+
+def test_opacities_and_noise_are_those_of_captures(duck):
+    g, labels = as_captured(duck.gaussians, duck.labels, hole_count=0)
+    solid = labels != FLOATER
+    assert (~solid).mean() == pytest.approx(0.02, abs=0.003)
+    opacity = g.opacities[solid]
+    shares = [(opacity > 0.5).mean(), ((opacity > 0.1) & (opacity <= 0.5)).mean(), (opacity <= 0.1).mean()]
+    assert shares == pytest.approx([0.30, 0.45, 0.25], abs=0.01)
+    # Robust spread of the lightness of the yellow body, which is nearly one colour.
+    body = labels == duck.part_names.index("body")
+    lightness = srgb_to_lab(g.base_colors)[:, 0]
+    spreads = []
+    for low, high in ((0.5, 1), (0.1, 0.5), (0, 0.1)):
+        some = lightness[body & (g.opacities > low) & (g.opacities <= high)]
+        spreads.append(np.subtract(*np.percentile(some, [75, 25])) / 1.349)
+    assert spreads[0] < spreads[1] < spreads[2]
+    assert 3 < spreads[0] < 10
+    middle, longest = np.sort(g.scales[solid], axis=1)[:, 1:].T
+    assert 0.3 < np.median(middle / longest) < 0.8
+
+
+def test_labels_stay_true(duck):
+    g, labels = as_captured(duck.gaussians, duck.labels)
+    solid = labels != FLOATER
+    _, nearest = KDTree(duck.gaussians.means).query(g.means[solid])
+    assert (duck.labels[nearest] == labels[solid]).mean() > 0.985
+    assert set(np.unique(labels)) == {FLOATER, 0, 1, 2}
+
+
+def test_holes_are_missing_surface(duck):
+    whole, _ = as_captured(duck.gaussians, duck.labels, hole_count=0)
+    g, labels = as_captured(duck.gaussians, duck.labels, hole_count=8)
+    assert len(g) < 0.99 * len(whole)
+    gap = KDTree(g.means[labels != FLOATER]).query(duck.gaussians.means)[0]
+    spacing = np.median(KDTree(duck.gaussians.means).query(duck.gaussians.means, 2)[0][:, 1])
+    assert 0.001 < (gap > 4 * spacing).mean() < 0.2
+    for part in range(3):
+        assert (labels == part).sum() > 0.7 * (duck.labels == part).sum()
+
+
+def test_same_seed_gives_the_same_arrays_and_another_does_not(duck):
+    first, second, other = (as_captured(duck.gaussians, duck.labels, seed=seed) for seed in (1, 1, 2))
+    for field in ("means", "quats_wxyz", "scales", "opacities", "sh"):
+        np.testing.assert_array_equal(getattr(first[0], field), getattr(second[0], field))
+    np.testing.assert_array_equal(first[1], second[1])
+    assert not np.array_equal(first[0].means[:100], other[0].means[:100])
