@@ -10,7 +10,17 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from phys4dgen.mpm.body import Body
-from phys4dgen.mpm.kernels.rigid_pass import CENTRE, MOTION_COUNT, ROTATION, SPIN, SUM_COUNT, VELOCITY_OF_CENTRE
+from phys4dgen.mpm.kernels.rigid_pass import (
+    CENTRE,
+    FITTED_SPIN,
+    FITTED_VELOCITY,
+    LAST_ROTATION,
+    MOTION_COUNT,
+    ROTATION,
+    SPIN,
+    SUM_COUNT,
+    VELOCITY_OF_CENTRE,
+)
 
 __all__ = ["RigidParts"]
 
@@ -25,6 +35,8 @@ class RigidParts:
         motion: centre, velocity, spin and rotation of each group, float64 [G, MOTION_COUNT]; kernels advance it.
         mass: float64 [G].
         inverse_inertia: I^-1 at rest with the term of the affine velocities, float64 [G, 3, 3].
+        inverse_point_inertia: the same without that term; its pseudoinverse for particles on one line.
+        constraint: velocities that keep the grid rigid, in the frame of the group at rest, float32 [P, 3].
         points: vertices of the convex hulls, from the centres at rest, float64 [K, 3].
         radii: half the side of the cube that each vertex stands for, float64 [K].
         starts: first vertex of each group, int64 [G + 1].
@@ -36,6 +48,8 @@ class RigidParts:
     motion: NDArray[np.float64]
     mass: NDArray[np.float64]
     inverse_inertia: NDArray[np.float64]
+    inverse_point_inertia: NDArray[np.float64]
+    constraint: NDArray[np.float32]
     points: NDArray[np.float64]
     radii: NDArray[np.float64]
     starts: NDArray[np.int64]
@@ -59,7 +73,7 @@ class RigidParts:
         positions = body.positions_m - origin_m
         offsets = np.zeros((len(body), 3))
         motion, mass = np.zeros((count, MOTION_COUNT)), np.zeros(count)
-        inverse_inertia = np.zeros((count, 3, 3))
+        inverse_inertia, inverse_point_inertia = np.zeros((2, count, 3, 3))
         points, radii = [], []
         for g in range(count):
             mine = members[numbers == g]
@@ -71,13 +85,15 @@ class RigidParts:
             v = body.velocities_ms[mine]
             velocity = m @ v / mass[g]
             inertia = np.eye(3) * (m @ (r**2).sum(1)) - (m[:, None] * r).T @ r
-            # particles on one line or in one point have no inertia about it, but the grid does not see that
-            spin = np.linalg.pinv(inertia, rcond=1e-9, hermitian=True) @ (m @ np.cross(r, v - velocity))
+            inverse_point_inertia[g] = np.linalg.pinv(inertia, rcond=1e-9, hermitian=True)
+            spin = inverse_point_inertia[g] @ (m @ np.cross(r, v - velocity))
             inverse_inertia[g] = np.linalg.inv(inertia + np.eye(3) * mass[g] * dx_m**2 / 2)
             motion[g, CENTRE : CENTRE + 3] = centre
-            motion[g, VELOCITY_OF_CENTRE : VELOCITY_OF_CENTRE + 3] = velocity
-            motion[g, SPIN : SPIN + 3] = spin
-            motion[g, ROTATION : ROTATION + 9] = np.eye(3).ravel()
+            for linear, angular in ((VELOCITY_OF_CENTRE, SPIN), (FITTED_VELOCITY, FITTED_SPIN)):
+                motion[g, linear : linear + 3] = velocity
+                motion[g, angular : angular + 3] = spin
+            for rotation in (ROTATION, LAST_ROTATION):
+                motion[g, rotation : rotation + 9] = np.eye(3).ravel()
             outer = mine[_hull(r)]
             points.append(offsets[outer])
             radii.append(body.volume_m3[outer] ** (1 / 3) / 2)
@@ -87,11 +103,21 @@ class RigidParts:
             motion=motion,
             mass=mass,
             inverse_inertia=inverse_inertia,
+            inverse_point_inertia=inverse_point_inertia,
+            constraint=np.zeros((len(body), 3), np.float32),
             points=np.concatenate(points),
             radii=np.concatenate(radii),
             starts=np.concatenate([[0], np.cumsum([len(p) for p in points])]),
             impulses=np.zeros((sum(len(p) for p in points), 3)),
         )
+
+    def velocities_ms(self, particles: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Velocities of rigid particles of the body without the constraint's, m/s, [n, 3]."""
+        motion = self.motion[self.group_of[particles]]
+        rotation = motion[:, ROTATION : ROTATION + 9].reshape(-1, 3, 3)
+        r = np.einsum("pij,pj->pi", rotation, self.offsets[particles])
+        velocities = motion[:, VELOCITY_OF_CENTRE : VELOCITY_OF_CENTRE + 3] + np.cross(motion[:, SPIN : SPIN + 3], r)
+        return velocities.astype(np.float32)
 
     def kernel_arguments(
         self,
@@ -110,8 +136,16 @@ class RigidParts:
             ground: (height from the origin, kind or -1, friction, restitution).
         """
         sums = np.zeros((chunks, len(self.mass), SUM_COUNT))
-        members = (self.group_of, self.offsets, self.motion, sums)
-        shapes = (self.mass, self.inverse_inertia, self.points, self.radii, self.starts, self.impulses)
+        members = (self.group_of, self.offsets, self.constraint, self.motion, sums)
+        shapes = (
+            self.mass,
+            self.inverse_inertia,
+            self.inverse_point_inertia,
+            self.points,
+            self.radii,
+            self.starts,
+            self.impulses,
+        )
         return soft_ranges, unblocked, *members, *shapes, np.array(ground)
 
 

@@ -96,9 +96,13 @@ class Simulator:
             body, origin_m=self._origin_m, mass_unit_kg=self._particles.mass_unit_kg, dx_m=settings.dx_m
         )
         if self._rigid is not None:
+            rigid = self._rigid
             for first, last in self._particles.ranges[self._particles.soft_ranges :].reshape(-1, 2):
+                index = self._particles.body_index[first:last]
+                velocities = rigid.velocities_ms(np.where(index < 0, ~index, index))
+                self._particles.columns[VELOCITY : VELOCITY + 3, first:last] = velocities.T
                 place_rigid(
-                    self._particles.columns, first, last, self._rigid.group_of, self._rigid.offsets, self._rigid.motion
+                    self._particles.columns, first, last, rigid.group_of, rigid.offsets, rigid.motion, rigid.constraint
                 )
         stride = self._particles.columns.shape[1]
         self._cells = np.full((3, stride), NEVER_SEEN, np.int32)
@@ -295,6 +299,9 @@ class Simulator:
         moving = particles.moving
         mass = body.mass_kg[moving]
         x, v = particles.positions_m(), particles.velocities_ms()
+        if self._rigid is not None:
+            is_rigid = body.is_rigid[moving]
+            v[is_rigid] = self._rigid.velocities_ms(moving[is_rigid])
         f, c = particles.deformation_gradients(), particles.affine_per_s()
         positions = body.positions_m.copy()
         positions[moving] = x
@@ -311,7 +318,7 @@ class Simulator:
             velocities_ms=velocities,
             substeps=substeps,
             dt_s=dt_s,
-            max_speed_ms=self._max_speed_ms,
+            max_speed_ms=float(np.linalg.norm(v, axis=1).max()),
             kinetic_energy_j=diagnostics.kinetic_energy_j(mass, v, c, dx_m),
             elastic_energy_j=diagnostics.elastic_energy_j(body, moving, f),
             momentum_kgms=diagnostics.momentum_kgms(mass, v),

@@ -91,7 +91,7 @@ def advance(
             if rigid is not None and phase == _RIGID:
                 gain = gains[now]
                 resting = np.sqrt(gain[0] * gain[0] + gain[1] * gain[1] + gain[2] * gain[2])
-                move_rigid(*rigid[4:], resting, np.float64(dt))
+                move_rigid(*rigid[5:], resting, np.float64(dt))
             items = spans.shape[1] if phase == _GRID else chunks
             for item in prange(items):
                 if phase == _GRID:
@@ -119,7 +119,7 @@ def _chunk_phase(chunk, phase, stage, passes, ranges, unsorted, particles, order
         if phase == _PARTICLES and (law < soft or stage == SCATTER_ONLY):
             call_pass(passes[law], stage, first, last, flat, stride, *arguments)
     if rigid is not None and stage != SCATTER_ONLY:
-        unblocked, group_of, offsets, motion, sums = rigid[1:6]
+        unblocked, group_of, offsets, constraint, motion, sums = rigid[1:7]
         for law in range(soft, len(passes)):
             first, last = ranges[law]
             if phase == _PARTICLES:
@@ -128,6 +128,6 @@ def _chunk_phase(chunk, phase, stage, passes, ranges, unsorted, particles, order
                     sums[chunk] = 0
                 sum_rigid(particles, first, last, group_of, offsets, motion, dx, sums[chunk])
             else:
-                place_rigid(particles, first, last, group_of, offsets, motion)
+                place_rigid(particles, first, last, group_of, offsets, motion, constraint)
                 if stage == FUSED:
                     call_pass(passes[law], SCATTER_ONLY, first, last, flat, stride, *arguments)

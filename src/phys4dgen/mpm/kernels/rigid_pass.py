@@ -9,6 +9,11 @@ where the terms in dx belong to the affine velocity fields of APIC. Sums, centre
 are placed at centre + R r_rest, so that the shape never drifts. The rotation is advanced by the midpoint rule and the
 spin taken anew from L, which keeps L exactly and the energy of a tumbling body to second order.
 
+Soft particles share nodes with rigid ones and see the grid before this projection, where nothing passes a force
+through the group: a rigid weight would creep into what carries it. So each particle keeps a constraint velocity, the
+sum of what its gathered velocity lacked to the rigid motion closest to all of them; scattered with the rigid motion it
+acts on the grid as the stress of a rigid body does. It has neither momentum nor angular momentum.
+
 Contact with the ground acts on the vertices of the group's convex hull: sequential impulses with Coulomb friction
 (E. Catto, *Iterative dynamics with temporal coherence*, 2005), speculative, so that nothing sinks in.
 """
@@ -34,6 +39,9 @@ from phys4dgen.mpm.kernels.layout import (
 
 __all__ = [
     "CENTRE",
+    "FITTED_SPIN",
+    "FITTED_VELOCITY",
+    "LAST_ROTATION",
     "MOTION_COUNT",
     "ROTATION",
     "SPIN",
@@ -48,11 +56,34 @@ CENTRE = 0  # 3 columns of a group's motion, m from the origin
 VELOCITY_OF_CENTRE = 3  # 3 columns, m/s
 SPIN = 6  # 3 columns, rad/s
 ROTATION = 9  # 9 columns, row by row
-MOTION_COUNT = 18
-SUM_COUNT = 6  # P and L of a group
+FITTED_VELOCITY = 18  # 3 columns, m/s, and
+FITTED_SPIN = 21  # 3 columns, rad/s: the rigid motion closest to the velocities gathered last, without C
+LAST_ROTATION = 24  # 9 columns: the rotation when they were gathered
+MOTION_COUNT = 33
+SUM_COUNT = 9  # P of a group, the share of L in the velocities, that in C
 
 _SWEEPS = 40  # of sequential impulses over the contact points
 _PUSH_OUT = 0.2  # share of a penetration that is undone per substep
+
+
+@strict_kernel
+def _three(values, at):
+    return values[at], values[at + 1], values[at + 2]
+
+
+@strict_kernel
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@strict_kernel
+def _rotated(motion, at, x):
+    """The rotation in columns ``at`` of a group's motion, times a vector."""
+    return (
+        motion[at] * x[0] + motion[at + 1] * x[1] + motion[at + 2] * x[2],
+        motion[at + 3] * x[0] + motion[at + 4] * x[1] + motion[at + 5] * x[2],
+        motion[at + 6] * x[0] + motion[at + 7] * x[1] + motion[at + 8] * x[2],
+    )
 
 
 @strict_kernel
@@ -67,7 +98,7 @@ def sum_rigid(particles, first, last, group_of, offsets, motion, dx, sums):
         offsets: rest positions from the group's centre, m, float64 [P, 3].
         motion: centre, velocity, spin and rotation of each group before the substep, float64 [groups, MOTION_COUNT].
         dx: cell side, m.
-        sums: P and L of each group, float64 [groups, SUM_COUNT].
+        sums: P and the two shares of L of each group, float64 [groups, SUM_COUNT].
     """
     index = particles[INDEX].view(np.int32)
     for p in range(first, last):
@@ -76,10 +107,9 @@ def sum_rigid(particles, first, last, group_of, offsets, motion, dx, sums):
             continue
         g = group_of[body_index]
         m = np.float64(particles[MASS, p])
-        a, b, c = offsets[body_index, 0], offsets[body_index, 1], offsets[body_index, 2]
-        rx = motion[g, ROTATION] * a + motion[g, ROTATION + 1] * b + motion[g, ROTATION + 2] * c
-        ry = motion[g, ROTATION + 3] * a + motion[g, ROTATION + 4] * b + motion[g, ROTATION + 5] * c
-        rz = motion[g, ROTATION + 6] * a + motion[g, ROTATION + 7] * b + motion[g, ROTATION + 8] * c
+        rx, ry, rz = _rotated(
+            motion[g], ROTATION, (offsets[body_index, 0], offsets[body_index, 1], offsets[body_index, 2])
+        )
         vx, vy, vz = (
             np.float64(particles[VELOCITY, p]),
             np.float64(particles[VELOCITY + 1, p]),
@@ -92,39 +122,70 @@ def sum_rigid(particles, first, last, group_of, offsets, motion, dx, sums):
         sums[g, 0] += m * vx
         sums[g, 1] += m * vy
         sums[g, 2] += m * vz
-        sums[g, 3] += m * (ry * vz - rz * vy + affine * ax)
-        sums[g, 4] += m * (rz * vx - rx * vz + affine * ay)
-        sums[g, 5] += m * (rx * vy - ry * vx + affine * az)
+        sums[g, 3] += m * (ry * vz - rz * vy)
+        sums[g, 4] += m * (rz * vx - rx * vz)
+        sums[g, 5] += m * (rx * vy - ry * vx)
+        sums[g, 6] += m * affine * ax
+        sums[g, 7] += m * affine * ay
+        sums[g, 8] += m * affine * az
 
 
 @strict_kernel
-def place_rigid(particles, first, last, group_of, offsets, motion):
-    """Put particles [first, last), padding too, where their group's motion has them; arguments as ``sum_rigid``."""
+def place_rigid(particles, first, last, group_of, offsets, motion, constraint):
+    """Put particles [first, last), padding too, where their group's motion has them.
+
+    Args:
+        particles: as ``sum_rigid``; velocities as gathered on entry, those to scatter on return.
+        first: as ``sum_rigid``.
+        last: as ``sum_rigid``.
+        group_of: as ``sum_rigid``.
+        offsets: as ``sum_rigid``.
+        motion: motion of each group after the substep, float64 [groups, MOTION_COUNT].
+        constraint: velocities that keep the grid rigid, in the frame of the group at rest, m/s, float32 [P, 3];
+            updated.
+    """
     index = particles[INDEX].view(np.int32)
     for p in range(first, last):
         body_index = index[p]
-        if body_index < 0:
+        is_real = body_index >= 0
+        if not is_real:
             body_index = ~body_index
-        g = group_of[body_index]
-        wx, wy, wz = motion[g, SPIN], motion[g, SPIN + 1], motion[g, SPIN + 2]
-        a, b, c = offsets[body_index, 0], offsets[body_index, 1], offsets[body_index, 2]
-        rx = motion[g, ROTATION] * a + motion[g, ROTATION + 1] * b + motion[g, ROTATION + 2] * c
-        ry = motion[g, ROTATION + 3] * a + motion[g, ROTATION + 4] * b + motion[g, ROTATION + 5] * c
-        rz = motion[g, ROTATION + 6] * a + motion[g, ROTATION + 7] * b + motion[g, ROTATION + 8] * c
-        offset = (rx, ry, rz)
-        turned = (wy * rz - wz * ry, wz * rx - wx * rz, wx * ry - wy * rx)
+        to = motion[group_of[body_index]]
+        X = (offsets[body_index, 0], offsets[body_index, 1], offsets[body_index, 2])
+        if is_real:
+            r = _rotated(to, LAST_ROTATION, X)
+            turned = _cross(_three(to, FITTED_SPIN), r)
+            missing = (
+                to[FITTED_VELOCITY] + turned[0] - particles[VELOCITY, p],
+                to[FITTED_VELOCITY + 1] + turned[1] - particles[VELOCITY + 1, p],
+                to[FITTED_VELOCITY + 2] + turned[2] - particles[VELOCITY + 2, p],
+            )
+            for k in range(3):
+                constraint[body_index, k] += (
+                    to[LAST_ROTATION + k] * missing[0]
+                    + to[LAST_ROTATION + 3 + k] * missing[1]
+                    + to[LAST_ROTATION + 6 + k] * missing[2]
+                )
+        inner = (
+            np.float64(constraint[body_index, 0]),
+            np.float64(constraint[body_index, 1]),
+            np.float64(constraint[body_index, 2]),
+        )
+        held = _rotated(to, ROTATION, inner)
+        r = _rotated(to, ROTATION, X)
+        wx, wy, wz = _three(to, SPIN)
+        turned = _cross((wx, wy, wz), r)
         for axis in range(3):
-            place = motion[g, CENTRE + axis] + offset[axis]
+            place = to[CENTRE + axis] + r[axis]
             rounded = np.float32(place)
             particles[POSITION + axis, p] = rounded
             particles[POSITION_REST + axis, p] = place - rounded
-            particles[VELOCITY + axis, p] = motion[g, VELOCITY_OF_CENTRE + axis] + turned[axis]
+            particles[VELOCITY + axis, p] = to[VELOCITY_OF_CENTRE + axis] + turned[axis] + held[axis]
         gradient = (0.0, -wz, wy, wz, 0.0, -wx, -wy, wx, 0.0)
         for k in range(9):
             identity = 1.0 if k % 4 == 0 else 0.0
-            rounded = np.float32(motion[g, ROTATION + k] - identity)
             particles[AFFINE + k, p] = gradient[k]
-            particles[DISPLACEMENT_GRADIENT + k, p] = rounded
+            particles[DISPLACEMENT_GRADIENT + k, p] = to[ROTATION + k] - identity
             particles[GRADIENT_REST + k, p] = 0
 
 
@@ -252,14 +313,17 @@ def _strike_ground(motion, rotation, v, momentum, mass, W, points, radii, impuls
 
 
 @strict_kernel
-def move_rigid(motion, sums, mass, inverse_inertia, points, radii, starts, impulses, ground, resting_ms, dt):
+def move_rigid(
+    motion, sums, mass, inverse_inertia, inverse_point_inertia, points, radii, starts, impulses, ground, resting_ms, dt
+):
     """Advance every group by one substep.
 
     Args:
         motion: motion of each group, float64 [groups, MOTION_COUNT]; advanced.
-        sums: P and L of each group by chunk, float64 [chunks, groups, SUM_COUNT].
+        sums: P and the two shares of L of each group by chunk, float64 [chunks, groups, SUM_COUNT].
         mass: of each group, in mean particle masses, float64 [groups].
         inverse_inertia: I^-1 at rest, float64 [groups, 3, 3].
+        inverse_point_inertia: the same without the term of the affine velocities.
         points: contact points of all groups at rest, from the group's centre, m, float64 [K, 3].
         radii: how far material reaches beyond each contact point, m, float64 [K].
         starts: first contact point of each group, int64 [groups + 1].
@@ -280,6 +344,14 @@ def move_rigid(motion, sums, mass, inverse_inertia, points, radii, starts, impul
                 v[axis] += sums[chunk, g, axis] / mass[g]
                 momentum[axis] += sums[chunk, g, 3 + axis]
         rotation = motion[g, ROTATION : ROTATION + 9]
+        motion[g, LAST_ROTATION : LAST_ROTATION + 9] = rotation
+        _world_inverse_inertia(rotation, inverse_point_inertia[g], W)
+        spin = _times(W, momentum[0], momentum[1], momentum[2])
+        for axis in range(3):
+            motion[g, FITTED_VELOCITY + axis] = v[axis]
+            motion[g, FITTED_SPIN + axis] = spin[axis]
+            for chunk in range(len(sums)):
+                momentum[axis] += sums[chunk, g, 6 + axis]
         _world_inverse_inertia(rotation, inverse_inertia[g], W)
         if ground[1] >= 0:
             mine = slice(starts[g], starts[g + 1])
