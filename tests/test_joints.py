@@ -1,0 +1,92 @@
+"""What has grown together with held particles, what only touches them, and which rigid parts are one body."""
+
+import numpy as np
+
+from phys4dgen.joints import bonded_to_held, rigid_bodies
+
+CELL_M = 4e-3
+STEP_M = CELL_M / 2
+
+
+def _box(low, high):
+    """Particles half a cell apart in a box, metres."""
+    axes = [np.arange(a + STEP_M / 2, b, STEP_M) for a, b in zip(low, high, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+
+
+def _scene(*boxes):
+    """Points and the number of the box of each."""
+    points = [_box(low, high) for low, high in boxes]
+    return np.concatenate(points), np.repeat(np.arange(len(boxes)), [len(p) for p in points]).astype(np.int32)
+
+
+POT = ((-0.04, -0.04, 0.0), (0.04, 0.04, 0.05))
+STEM = ((-0.004, -0.004, 0.05), (0.004, 0.004, 0.12))
+LEAF = ((0.004, -0.004, 0.116), (0.048, 0.004, 0.12))  # from the stem's top outwards
+HANGING = ((0.041, -0.004, 0.01), (0.045, 0.004, 0.116))  # down along the pot's wall, 1 mm from it
+
+
+def _bonded(points, box, *, held=0, piece=None):
+    number = (box if piece is None else piece).astype(np.int64)
+    return bonded_to_held(points, box == held, piece=number, cell_m=CELL_M)
+
+
+def _near(points, box, number, height_m):
+    """Particles of a box that stand near the pot."""
+    return (box == number) & (points[:, 2] < height_m)
+
+
+def test_a_stem_is_rooted_and_a_leaf_that_hangs_beside_the_pot_is_not():
+    points, box = _scene(POT, STEM, LEAF, HANGING)
+    bonded = _bonded(points, box)
+    assert bonded[box == 1].all()
+    assert not bonded[_near(points, box, 3, 0.045)].any()
+    assert bonded[~(box == 3)].all()
+    assert bonded[(box == 3) & (points[:, 2] > 0.07)].all()  # far from what is held nothing is said
+
+
+def test_two_stems_that_meet_above_are_both_rooted():
+    left = ((-0.03, -0.004, 0.05), (-0.022, 0.004, 0.12))
+    bridge = ((-0.022, -0.004, 0.112), (-0.004, 0.004, 0.12))
+    points, box = _scene(POT, STEM, left, bridge)
+    assert _bonded(points, box).all()
+
+
+def test_what_nothing_else_holds_stays_with_what_it_touches():
+    points, box = _scene(POT, HANGING)
+    assert _bonded(points, box).all()
+
+
+def test_without_held_or_free_particles_nothing_is_asked():
+    points, box = _scene(STEM)
+    assert _bonded(points, box).all()
+    assert _bonded(points, box, held=1).all()
+
+
+def test_rigid_parts_that_touch_are_one_body_and_those_apart_are_two():
+    head = ((0.02, -0.01, 0.0), (0.05, 0.01, 0.03))
+    handle = ((-0.06, -0.004, 0.01), (0.02, 0.004, 0.02))
+    nail = ((0.10, -0.004, 0.0), (0.14, 0.004, 0.004))
+    points, box = _scene(head, handle, nail)
+    none = np.zeros(len(points), bool)
+    body, stuck = rigid_bodies(points, box, rigid_parts=[0, 1, 2], held=none, cell_m=CELL_M)
+    assert stuck == ()
+    assert len(np.unique(body[box < 2])) == 1
+    assert set(np.unique(body)) == {0, 1}
+    alone, _ = rigid_bodies(points, box, rigid_parts=[2], held=none, cell_m=CELL_M)
+    np.testing.assert_array_equal(alone, np.where(box == 2, 0, -1))
+
+
+def test_the_pieces_of_a_rigid_part_are_one_body():
+    points, _ = _scene(((0.0, 0, 0), (0.01, 0.01, 0.01)), ((0.1, 0, 0), (0.11, 0.01, 0.01)))
+    part = np.zeros(len(points), np.int32)
+    body, _ = rigid_bodies(points, part, rigid_parts=[0], held=np.zeros(len(points), bool), cell_m=CELL_M)
+    assert (body == 0).all()
+
+
+def test_a_rigid_part_that_touches_what_is_held_is_held():
+    trunk, stone = STEM, ((0.1, 0.0, 0.0), (0.11, 0.01, 0.01))
+    points, box = _scene(POT, trunk, stone)
+    body, stuck = rigid_bodies(points, box, rigid_parts=[1, 2], held=box == 0, cell_m=CELL_M)
+    assert stuck == (1,)
+    np.testing.assert_array_equal(body, np.where(box == 2, 0, -1))
