@@ -32,7 +32,7 @@ READERS = {".ply": read_ply, ".splat": read_splat}
 WRITERS = {".ply": write_ply, ".splat": write_splat}
 LATER = {
     **dict.fromkeys((".spz", ".ksplat", ".sog"), "convert it to .ply or .splat (for example with SuperSplat)"),
-    **dict.fromkeys((".png", ".jpg", ".jpeg", ".webp"), "give a splat (.ply or .splat) of the object instead"),
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".webp"), "'phys4dgen generate' makes a splat of a picture"),
 }
 
 Function = TypeVar("Function")

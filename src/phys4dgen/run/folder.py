@@ -199,8 +199,9 @@ class RunFolder:
 
     def missing(self, scene: Scene, stages: Sequence[str]) -> list[str]:
         """Names of the files that these stages of a scene owe and that are not there."""
+        of_a_picture = [self.cutout_png, self.source_json] if is_picture(scene.input) else []
         owed = {
-            "reconstruct": [self.gaussians_ply, *([self.cutout_png, self.source_json] if is_picture(scene.input) else [])],
+            "reconstruct": [self.gaussians_ply, *of_a_picture],
             "views": [self.cameras_json],
             "grouping": [self.groups_npz, self.parts_png],
             "interior": [self.continuum_npz],

@@ -26,7 +26,7 @@ def write_source(run: RunFolder, source: Source) -> None:
     write_png(np.rint(source.picture * 255).astype(np.uint8), run.cutout_png)
     camera = source.camera
     facts = {
-        "convention": "OpenCV (x right, y down, z forward); viewmat maps the coordinates of gaussians.ply to the camera",
+        "convention": "OpenCV (x right, y down, z forward); viewmat maps input coordinates to the camera",
         "backend": source.backend,
         "up": source.up,
         "width": camera.width,
