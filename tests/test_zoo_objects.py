@@ -88,11 +88,11 @@ def test_volumes_agree_with_the_inside_test(zoo):
     _, it = zoo
     rng = np.random.default_rng(0)
     everything = it.gaussians.means.astype(np.float64) * it.metres_per_unit
-    lattice, coarse = strata(everything.min(0), everything.max(0), 50, rng)
+    lattice, coarse = strata(everything.min(0), everything.max(0), 40, rng)
     owner = it.inside(lattice / it.metres_per_unit)
     for number, part in enumerate(it.part_names):
         points = np.concatenate([points_m(it, part), lattice[owner == number]])
-        samples, cell = strata(points.min(0) - coarse, points.max(0) + coarse, 44, rng)
+        samples, cell = strata(points.min(0) - coarse, points.max(0) + coarse, 40, rng)
         hits = np.count_nonzero(it.inside(samples / it.metres_per_unit) == number)
         volume = hits * cell.prod()
         assert it.truth[part].volume_m3 == pytest.approx(volume, rel=0.015 + 1.5 / np.sqrt(hits)), part
@@ -146,7 +146,7 @@ def test_surfaces_are_closed_in_the_object_views(zoo):
 
 def test_default_scene_is_a_scene(zoo, tmp_path):
     _, it = zoo
-    scene = Scene(input=tmp_path / "object.ply", **it.default_scene)
+    scene = Scene(input=tmp_path / "object.ply", **it.default_scene).with_overrides({"motion.preset": it.motion})
     assert set(scene.parts) == set(it.part_names)
     assert scene.height_m == it.height_m
     for name, part in it.truth.items():
@@ -168,8 +168,9 @@ def test_some_neighbours_are_close_in_colour(name):
     assert KDTree(points_m(it, it.part_names[first])).query(points_m(it, it.part_names[second]))[0].min() < 0.01
 
 
-def test_same_seed_gives_the_same_arrays_quickly(zoo):
-    name, it = zoo
+@pytest.mark.parametrize("name", ["snowman", "carnation", "sandcastle"])  # ordinary, all sheets, and the slowest
+def test_same_seed_gives_the_same_arrays_quickly(name):
+    it = unlit(name)
     start = time.process_time()
     again = bundled(name, light="unlit")
     assert time.process_time() - start < 3.0  # seconds of one core; about half of it where nothing else runs

@@ -81,13 +81,14 @@ class Implicit:
     def _filled_m3(self) -> float:
         """Sum over lattice points of their share inside: a ramp one cell wide across the surface (second order)."""
         step = float((self.upper - self.lower).max()) / VOLUME_CELLS
-        near, full_m3 = self._blocks(step)
-        values = self._lattice(near, step)
-        here = values[:, :-1, :-1, :-1]
-        slopes = [np.diff(values, axis=axis) for axis in (1, 2, 3)]
-        slopes = [slopes[0][:, :, :-1, :-1], slopes[1][:, :-1, :, :-1], slopes[2][:, :-1, :-1, :]]
-        per_cell = np.maximum(np.sqrt(sum(slope * slope for slope in slopes)), 1e-3 * step)
-        return full_m3 + float(np.clip(0.5 - here / per_cell, 0, 1).sum()) * step**3
+        corner, full_m3 = self._blocks(step)
+        points = (corner[:, None] + np.argwhere(np.ones((BLOCK,) * 3)) * step).reshape(-1, 3)
+        value = self.signed_distance(points)
+        share = (value < 0).astype(np.float64)
+        edge = np.flatnonzero(np.abs(value) < step)
+        _, _, steepness = self._slope(points[edge], 0.05 * step)
+        share[edge] = np.clip(0.5 - value[edge] / (steepness * step), 0, 1)
+        return full_m3 + float(share.sum()) * step**3
 
     def sample(self, spacing_m: float, rng: np.random.Generator) -> Patch:
         """Samples of the outer surface; ``coords`` = (0, 0, 1).
@@ -132,13 +133,16 @@ class Implicit:
 
     def _onto_surface(self, points: Array, spacing_m: float) -> tuple[Array, Array]:
         """One Newton step towards the surface and the unit normals there; two arrays [N, 3]."""
-        reach = 0.05 * spacing_m
-        values = np.stack([self.signed_distance(points + reach * corner) for corner in TETRAHEDRON], 1)
-        gradient = 0.75 / reach * values @ TETRAHEDRON
-        steepness = np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-3)
-        normals = gradient / steepness
-        step = np.clip(values.mean(1, keepdims=True) / steepness, -spacing_m, spacing_m)
-        return points - step * normals, normals
+        value, normals, steepness = self._slope(points, 0.05 * spacing_m)
+        step = np.clip(value / steepness, -spacing_m, spacing_m)
+        return points - step[:, None] * normals, normals
+
+    def _slope(self, points: Array, reach_m: float) -> tuple[Array, Array, Array]:
+        """Distance [N], direction [N, 3] and length [N] of its gradient, from the corners of small tetrahedra."""
+        values = np.stack([self.signed_distance(points + reach_m * corner) for corner in TETRAHEDRON], 1)
+        gradient = 0.75 / reach_m * values @ TETRAHEDRON
+        steepness = np.maximum(np.linalg.norm(gradient, axis=1), 1e-3)
+        return values.mean(1), gradient / steepness[:, None], steepness
 
 
 def _net_vertices(corner: Array, values: Array, step_m: float) -> Array:
