@@ -130,6 +130,7 @@ def test_the_unexpected_is_one_sentence_too(error, monkeypatch, capsys):
     assert main(["inspect", "x"]) == 1
     message = capsys.readouterr().err
     assert message.count("\n") == 1
+    assert ("the disk is full at f.ply; make room" in message) == isinstance(error, OSError)
     assert message.startswith("phys4dgen: ")
 
 
@@ -148,7 +149,7 @@ def test_inspect_speaks_to_people_and_to_programs(tmp_path, random_gaussians, ca
 def test_help_lists_flags(command, capsys):
     assert main([command, "--help"]) == 0
     text = capsys.readouterr().out
-    assert ("--simulation.grid" in text) == (command in ("generate", "demo", "simulate", "render"))
+    assert ("--simulation.grid" in text) == (command in ("generate", "demo", "simulate", "render", "identify"))
 
 
 def test_help_of_the_program_is_quick():

@@ -18,6 +18,7 @@ from phys4dgen.export.trajectory import read_trajectory
 from phys4dgen.formats import save_gaussians
 from phys4dgen.materials import read_materials
 from phys4dgen.run.generate import continue_run, generate, scene_of_run
+from phys4dgen.run.inspection import inspect_path
 from phys4dgen.run.state import finished_stages
 from phys4dgen.scene import Scene
 
@@ -132,7 +133,7 @@ def test_an_edited_material_survives_a_new_identification(run):
     assert "the particles changed" in notes_on(again, "materials")[0]
     book = read_materials(run.root / "materials.yaml")
     assert (book["ball"].surface.youngs_modulus_pa, book["ball"].surface.source) == (54321, "user")
-    assert (book["stick"].surface.name, book["stick"].surface.source) == ("rubber", "user")
+    assert (book["stick"].surface.name, book["stick"].surface.source) == ("natural_rubber", "user")
     assert book["stick"].surface.youngs_modulus_pa < 1e8  # the library's rubber
     # What the scene names later wins over the older edit.
     steel = scene.with_overrides({"parts.ball.material": "steel"})
@@ -176,3 +177,12 @@ def test_a_killed_run_continues_to_the_same_arrays(undisturbed, tmp_path, killed
                 np.testing.assert_array_equal(found[key], expected[key], err_msg=f"{name}: {key}")
     assert json.loads((out / "report.json").read_text("utf-8"))["completed_until"] == "render"
     assert not list(out.rglob("*.partial-*"))
+
+
+def test_inspect_and_the_interrupt_message_tell_what_an_edit_made_out_of_date(run):
+    assert finished_stages(run.root) == ["reconstruct", *NAMES]
+    scene_yaml = run.root / "scene.yaml"
+    scene_yaml.write_text(scene_yaml.read_text("utf-8").replace("damping_ratio: 0.08", "damping_ratio: 0.2"), "utf-8")
+    facts = inspect_path(run.root)
+    assert facts["out_of_date"] == ["simulate", "render"]
+    assert facts["finished"] == finished_stages(run.root) == ["reconstruct", *NAMES[:-2]]

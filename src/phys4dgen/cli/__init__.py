@@ -6,6 +6,7 @@ inside the commands, so that ``--help`` and misspelt flags answer at once.
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import sys
@@ -43,6 +44,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             verbosity=verbosity,
         )
     except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            where = f" at {error.filename}" if error.filename else ""
+            return _fail(
+                f"the disk is full{where}; make room and give the same command again, which continues from the last "
+                "finished stage.",
+                code=1,
+                verbosity=verbosity,
+            )
         return _fail(f"{error.filename or 'file system'}: {error.strerror or error}.", code=1, verbosity=verbosity)
     except Exception as error:  # noqa: BLE001  the last resort: users get a sentence, developers -vv
         said = f"internal error, please report it: {type(error).__name__}: {error} (-vv shows where)"

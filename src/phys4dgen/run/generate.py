@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -71,7 +72,7 @@ def continue_run(
     folder: Path | str,
     scene: Scene | None = None,
     *,
-    since: Literal["views", "grouping", "simulate", "render"],
+    since: Literal["views", "grouping", "materials", "simulate", "render"],
     until: str | None = None,
     again: bool = False,
     progress: Progress = SILENT,
@@ -163,14 +164,19 @@ def _fill(
     store = RunStore(run, scene, recorder, since=since, again=again, only=since == "render")
     try:
         animate_scene(scene, store, until=stages[-1], progress=recorder)
-    finally:
-        recorder.end_stage()
-        run.write_json(run.report_json, _report(scene, store, recorder, stages).as_dict())
+    except BaseException:
+        with suppress(OSError):  # a full disk shall not hide what went wrong first
+            _write_report(run, scene, store, recorder, stages)
+        raise
+    _write_report(run, scene, store, recorder, stages)
 
 
-def _report(scene: Scene, store: RunStore, recorder: RecordingProgress, stages: Sequence[str]) -> Report:
+def _write_report(
+    run: RunFolder, scene: Scene, store: RunStore, recorder: RecordingProgress, stages: Sequence[str]
+) -> None:
+    recorder.end_stage()
     finished = [stage for stage in stages if stage in store.finished]
-    return Report(
+    report = Report(
         input=scene.input.as_posix(),
         seed=scene.seed,
         warnings=recorder.warnings,
@@ -183,6 +189,7 @@ def _report(scene: Scene, store: RunStore, recorder: RecordingProgress, stages: 
         parts=store.parts,
         **_sections(store.facts),
     )
+    run.write_json(run.report_json, report.as_dict())
 
 
 _MOTION = ("preset", "held", "wind_up", "gust_ms2", "gust_s", "frequency_hz")

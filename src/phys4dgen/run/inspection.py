@@ -8,7 +8,7 @@ from typing import Any
 
 from phys4dgen.errors import RunError
 from phys4dgen.export.inspection import inspect_splat
-from phys4dgen.run.state import finished_stages
+from phys4dgen.run.state import finished_stages, read_state
 
 __all__ = ["inspect_path"]
 
@@ -24,13 +24,14 @@ def inspect_path(path: Path) -> dict[str, Any]:
 
 
 def _inspect_run(folder: Path) -> dict[str, Any]:
-    finished = finished_stages(folder)
-    if not finished:
+    made, finished = list(read_state(folder)), finished_stages(folder)
+    if not made:
         raise RunError(f"{folder}: expected a splat file or a run folder, got a folder without a run of phys4dgen.")
     report = folder / "report.json"
     return {
         "folder": str(folder),
         "finished": finished,
+        "out_of_date": [stage for stage in made if stage not in finished],
         "files": sorted(path.name for path in folder.iterdir() if not path.name.startswith(".")),
         "report": json.loads(report.read_text("utf-8")) if report.is_file() else None,
     }

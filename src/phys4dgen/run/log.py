@@ -29,3 +29,6 @@ class JsonLinesHandler(logging.FileHandler):
         if record.exc_info:
             entry["traceback"] = logging.Formatter().formatException(record.exc_info)
         return json_text(entry)
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802  the name is logging's
+        """Say nothing: a disk that is full for the log is full for what matters more, which says so itself."""

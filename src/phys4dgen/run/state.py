@@ -8,8 +8,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from phys4dgen.errors import RunError
-from phys4dgen.run.stages import STAGES, Needs
+from phys4dgen.errors import RunError, SceneError
+from phys4dgen.run.stages import STAGES, Needs, scene_settings, stage_named
+from phys4dgen.scene import load_scene
 
 __all__ = ["STATE_NAME", "StageRecord", "finished_stages", "read_state"]
 
@@ -72,18 +73,31 @@ def read_state(folder: Path) -> dict[str, StageRecord]:
 
 
 def finished_stages(folder: Path | str) -> list[str]:
-    """Names of the stages that are complete in a run folder and follow from each other, in order.
+    """Names of the stages that are complete in a run folder, follow from each other and fit its scene.yaml, in order.
 
     Raises:
         RunError: the state of the run is damaged.
     """
     finished: list[str] = []
     products: dict[str, str] = {}
+    settings = _settings_of(Path(folder))
     for name, record in read_state(Path(folder)).items():
-        if all(products.get(taken) == digest for taken, digest in record.needs.products.items()):
+        follows = all(products.get(taken) == digest for taken, digest in record.needs.products.items())
+        fits = settings is None or not record.changed_settings(
+            Needs.of(stage_named(name), settings, record.needs.products)
+        )
+        if follows and fits:
             finished.append(name)
             products |= record.products
     return finished
+
+
+def _settings_of(folder: Path) -> dict[str, Any] | None:
+    """What scene.yaml says; None where it is not there, or cannot be read."""
+    try:
+        return scene_settings(load_scene(folder / "scene.yaml"))
+    except (SceneError, RunError):
+        return None
 
 
 def _record(entry: dict[str, Any]) -> StageRecord:

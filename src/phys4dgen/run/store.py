@@ -7,6 +7,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -156,6 +157,10 @@ class RunStore:
         )
         return self._settle(stage, value, products, record)
 
+    def place(self, name: str) -> Path:
+        """A folder of that name in the run folder; it is made by whoever puts something there."""
+        return self.run.root / name
+
     def _settle(
         self, stage: str, value: Callable[[], Any], products: Mapping[str, str], record: StageRecord
     ) -> Callable[[], Any]:
@@ -171,13 +176,14 @@ class RunStore:
         """Why a stage has to be made, one phrase each; empty where its result holds."""
         if record is None:
             return ["it was never finished"]
-        if self.run.missing(self.scene, [stage]):
-            return ["some of its files are missing"]
         names = [entry.name for entry in STAGES]
         if names.index(stage) < names.index(self.since) and needs.code != record.needs.code:
             self.progress.note(f"{stage}: made by another version of phys4dgen; 'generate' would make it again.")
             needs = replace(needs, code=record.needs.code)
-        return record.changes(needs) or (["it was asked for"] if self.again and stage == self.since else [])
+        changes = record.changes(needs)
+        if not changes and self.run.missing(self.scene, [stage]):
+            changes = ["some of its files are missing"]
+        return changes or (["it was asked for"] if self.again and stage == self.since else [])
 
     # ------------------------------------------------------------------------------------------ views and parts
 
