@@ -39,7 +39,7 @@ _ROD_LIMIT_CELLS = 3.0
 """Rods: their 3 x 3 strands then stand 0.92 cells apart."""
 
 _LARGEST_CAPPED_STRAIN = 0.01
-_CAPPED_THIN_SHARE = 0.02
+_CAPPED_THIN_SHARE = 0.05
 _UNSEEN_RATE = 2.0
 """A swing of this many periods per frame is not seen."""
 
@@ -245,7 +245,7 @@ def _cap(
 ) -> tuple[NDArray[np.float64], tuple[CappedPart, ...]]:
     """Young's moduli with the stiffest regions softened to the wave speed that the rest of the body needs anyway.
 
-    A thick lump among thin leaves stays far stiffer than what it hangs on, and 2 % of the thin mass, its thickest
+    A thick lump among thin leaves stays far stiffer than what it hangs on, and 5 % of the thin mass, its thickest
     spots, may not set the time step of all. The strain rho (v^2 + g L) / E that the softer material takes, with
     v = 1 m/s and L the object's size, must stay below 1 %, and a part that is mostly solid must still swing faster
     than a film can show (twice the frame rate); else the modulus stays as it is. (PHYSICS.md 1.10.)

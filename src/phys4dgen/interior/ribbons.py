@@ -3,7 +3,7 @@
 Two layers of such a ribbon make a chain of two or four particles per step along it, always at the same places of the
 cross-section. Oblique to the grid, MLS-MPM has modes that a chain like that does not feel: a ribbon of two sites
 swung with a damping ratio of 0.30 where none was asked for and stayed bent; one of one site was limp. The same ribbon
-with four particles per site, in a square and in a diamond by turns, has 0.02 to 0.05 (decision 11).
+with four particles per site, in a square and in a diamond by turns, has 0.02 to 0.05 (decision 12).
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _FLATNESS = 0.5
 _SAME_SHEET = 0.7
 """A neighbour belongs to the same sheet where it lies beside the site (sine of its rise) and faces the same way."""
 
-_NARROW = 3.0
+_NARROW = 2.5
 
 
 def ribbon_axes(sites: Sites) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Sites of sheets narrower than three sites, and the unit vector across the ribbon there.
+    """Sites of sheets one or two sites wide, and the unit vector across the ribbon there.
 
     Args:
         sites: of sheets, S of them, one voxel apart.
