@@ -17,7 +17,9 @@ from phys4dgen.errors import StageError
 from phys4dgen.formats import load_gaussians
 from phys4dgen.grouping.appearance import APPEARANCE_BACKEND, group_by_appearance, parts_from_tree
 from phys4dgen.grouping.attach import number_from_the_ground
-from phys4dgen.grouping.merging import MergeTree, cut_tree, merge_tree
+from phys4dgen.grouping.cutting import cut_tree
+from phys4dgen.grouping.merging import MergeTree, merge_tree, tree_from_arrays
+from phys4dgen.grouping.patch_graph import patch_graph
 from phys4dgen.grouping.supervoxels import core_gaussians, object_radius, supervoxels
 from phys4dgen.grouping.surface_color import SurfaceColor, surface_color
 from phys4dgen.render.cameras import view_cameras
@@ -103,7 +105,7 @@ def test_the_tree_gives_other_numbers_of_parts_and_survives_a_file(plant):
     np.savez(file, **tree.arrays())
     file.seek(0)
     with np.load(file, allow_pickle=False) as arrays:
-        loaded = MergeTree(**arrays)
+        loaded = tree_from_arrays(dict(arrays), len(gaussians))
     np.testing.assert_array_equal(parts_from_tree(loaded, gaussians, Z_UP).labels, parts.labels)
     assert [parts_from_tree(loaded, gaussians, Z_UP, parts=n).count for n in (1, 2, 3, 5)] == [1, 2, 3, 5]
 
@@ -178,15 +180,15 @@ def test_any_scatter_of_gaussians_gives_a_valid_tree(n: int, seed: int):
     eyes = rng.normal(size=(4, 3)) * 10
     surface = SurfaceColor(rgb=rng.uniform(size=(n, 3)), seen=rng.uniform(size=(n, 4)) < 0.7, eyes=eyes)
     patches = supervoxels(gaussians, surface, np.arange(n), radius=2.0, count=30)
-    tree = merge_tree(patches, n)
-    alive = set(range(len(tree.area)))
+    tree = merge_tree(patch_graph(patches, n))
+    alive = set(range(len(tree.graph)))
     for kept, absorbed in zip(tree.kept, tree.absorbed, strict=True):
         assert kept in alive and absorbed in alive and kept != absorbed
         alive.remove(absorbed)
     assert len(alive) == 1
     for parts in (None, 1, 3):
         label = cut_tree(tree, parts)
-        assert len(label) == len(tree.area)
+        assert len(label) == len(tree.graph)
         assert set(label) <= set(range(60 if parts is None else parts))
 
 

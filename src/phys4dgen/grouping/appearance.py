@@ -8,9 +8,14 @@ number of parts, a file of labels or a real segmenter is the answer there.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from phys4dgen.errors import StageError
 from phys4dgen.grouping.attach import attach, number_from_the_ground
-from phys4dgen.grouping.merging import MAX_PARTS, MergeTree, cut_tree, merge_tree
+from phys4dgen.grouping.cutting import MAX_PARTS, cut_tree
+from phys4dgen.grouping.merging import MergeTree, grow_from_seeds, merge_tree
+from phys4dgen.grouping.patch_graph import PatchGraph, patch_graph
+from phys4dgen.grouping.seeds import seed_patches
 from phys4dgen.grouping.supervoxels import core_gaussians, object_radius, supervoxels
 from phys4dgen.grouping.surface_color import surface_color
 from phys4dgen.progress import Progress, SilentProgress
@@ -18,7 +23,7 @@ from phys4dgen.render.cameras import view_cameras
 from phys4dgen.render.views import render_views
 from phys4dgen.types import Frame, Gaussians, Parts, Views
 
-__all__ = ["APPEARANCE_BACKEND", "group_by_appearance", "parts_from_tree"]
+__all__ = ["APPEARANCE_BACKEND", "group_by_appearance", "parts_from_seeds", "parts_from_tree"]
 
 APPEARANCE_BACKEND = "appearance (stand-in for SAM2)"
 
@@ -71,7 +76,7 @@ def group_by_appearance(
         )
     patches = supervoxels(gaussians, surface, core, radius=radius)
     progress.update(steps - 2, steps, "views and steps")
-    tree = merge_tree(patches, len(gaussians))
+    tree = merge_tree(patch_graph(patches, len(gaussians)))
     progress.update(steps - 1, steps, "views and steps")
     result = parts_from_tree(tree, gaussians, frame, parts=parts)
     progress.update(steps, steps, "views and steps")
@@ -92,14 +97,40 @@ def parts_from_tree(tree: MergeTree, gaussians: Gaussians, frame: Frame, *, part
         StageError: the number of parts is out of range, or the tree belongs to other Gaussians.
     """
     _check_count(parts)
-    if len(tree.patch) != len(gaussians):
-        raise StageError(
-            f"grouping: expected the merge tree of these {len(gaussians)} Gaussians, got one of {len(tree.patch)}; "
-            "run grouping again."
-        )
-    labels = attach(gaussians, tree.patch, cut_tree(tree, parts), radius=object_radius(gaussians))
+    _check_fit(tree.graph, gaussians)
+    labels = attach(gaussians, tree.graph.patch, cut_tree(tree, parts), radius=object_radius(gaussians))
     numbered, old = number_from_the_ground(labels, gaussians, frame)
     return Parts(labels=numbered, names=tuple(f"part_{i}" for i in range(len(old))), backend=APPEARANCE_BACKEND)
+
+
+def parts_from_seeds(
+    graph: PatchGraph, gaussians: Gaussians, frame: Frame, seeds: Mapping[str, Sequence[int]]
+) -> Parts:
+    """The parts that a person has pointed at, those and no others.
+
+    Args:
+        graph: ``graph`` of the merge tree of the same Gaussians.
+        gaussians: N static Gaussians.
+        frame: which way is up.
+        seeds: by the name of each part, indices of one or more Gaussians of it (``clicks.gaussian_at``).
+
+    Raises:
+        StageError: two parts are pointed at in one place, or the graph belongs to other Gaussians.
+    """
+    _check_fit(graph, gaussians)
+    known = seed_patches(graph, gaussians, seeds)
+    labels = attach(gaussians, graph.patch, grow_from_seeds(graph, known), radius=object_radius(gaussians))
+    numbered, old = number_from_the_ground(labels, gaussians, frame)
+    names = list(seeds)
+    return Parts(labels=numbered, names=tuple(names[number] for number in old), backend=APPEARANCE_BACKEND)
+
+
+def _check_fit(graph: PatchGraph, gaussians: Gaussians) -> None:
+    if len(graph.patch) != len(gaussians):
+        raise StageError(
+            f"grouping: expected the merge tree of these {len(gaussians)} Gaussians, got one of {len(graph.patch)}; "
+            "run grouping again."
+        )
 
 
 def _check_count(parts: int | None) -> None:

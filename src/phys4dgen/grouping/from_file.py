@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from phys4dgen.errors import FormatError, StageError
+from phys4dgen.grouping.npy_files import read_npy, read_npz
 from phys4dgen.types import Parts
 
 __all__ = ["MAX_LABELS", "parts_from_file", "rename_parts", "single_part"]
@@ -117,48 +116,9 @@ def _names(path: Path, given: NDArray[Any] | None, values: NDArray[Any]) -> tupl
 def _read_arrays(path: Path, gaussian_count: int) -> dict[str, NDArray[Any]]:
     """``labels`` and, where present, ``names``; sizes are checked against the headers before anything is read."""
     suffix = path.suffix.lower()
-    if suffix not in (".npy", ".npz"):
-        raise FormatError(f"{path}: labels are read from .npy or .npz files, got '{path.suffix}'.")
     limit = 8 * gaussian_count
-    try:
-        with path.open("rb") as file:
-            if suffix == ".npy":
-                return {"labels": _read_npy(path, file, "labels", limit)}
-            with zipfile.ZipFile(file) as archive:
-                members = archive.namelist()
-                if "labels.npy" not in members:
-                    held = ", ".join(name.removesuffix(".npy") for name in members[:8]) or "nothing"
-                    raise FormatError(f"{path}: expected an array called labels, got {held}; np.savez(labels=...).")
-                arrays: dict[str, NDArray[Any]] = {}
-                for name, bound in (("labels", limit), ("names", _MAX_NAMES_BYTES)):
-                    if f"{name}.npy" in members:
-                        with archive.open(f"{name}.npy") as member:
-                            arrays[name] = _read_npy(path, member, name, bound)
-                return arrays
-    except OSError as error:
-        raise FormatError(f"{path}: cannot read the labels: {error.strerror or error}.") from error
-    except (zipfile.BadZipFile, NotImplementedError, EOFError, RuntimeError) as error:
-        raise FormatError(f"{path}: expected a NumPy .npz archive, got a damaged one ({error}).") from error
-
-
-def _read_npy(path: Path, file: Any, name: str, max_bytes: int) -> NDArray[Any]:
-    """One array of at most ``max_bytes``; objects are refused, nothing is unpickled."""
-    try:
-        version = npy_format.read_magic(file)
-        header = npy_format.read_array_header_1_0 if version == (1, 0) else npy_format.read_array_header_2_0
-        shape, _, dtype = header(file)
-    except ValueError as error:
-        raise FormatError(f"{path}: {name} is not a NumPy array: {error}.") from error
-    size = dtype.itemsize
-    for length in shape:
-        size *= int(length)
-    if dtype.hasobject:
-        raise FormatError(f"{path}: {name} holds Python objects, which are not read; save plain numbers or text.")
-    if size > max_bytes:
-        raise FormatError(
-            f"{path}: {name} has shape {shape} of {dtype}, {size:,} bytes; at most {max_bytes:,} fit this input."
-        )
-    content = file.read(size)
-    if len(content) != size:
-        raise FormatError(f"{path}: {name} is cut short; {size:,} bytes announced, {len(content):,} found.")
-    return np.frombuffer(content, dtype).reshape(shape)
+    if suffix == ".npy":
+        return {"labels": read_npy(path, "labels", limit)}
+    if suffix == ".npz":
+        return read_npz(path, "labels", {"labels": limit, "names": _MAX_NAMES_BYTES})
+    raise FormatError(f"{path}: labels are read from .npy or .npz files, got '{path.suffix}'.")

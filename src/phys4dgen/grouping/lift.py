@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from phys4dgen.errors import StageError
+from phys4dgen.grouping.label_maps import LabelMaps
 from phys4dgen.grouping.visibility import for_all_chunks, visible_pixels
-from phys4dgen.types import Camera, Gaussians, Masks
+from phys4dgen.types import Camera, Gaussians, Masks, Parts
 
-__all__ = ["OCCLUSION_THRESHOLD_REL", "Lifted", "lift"]
+__all__ = ["OCCLUSION_THRESHOLD_REL", "Lifted", "lift", "parts_from_maps"]
 
 OCCLUSION_THRESHOLD_REL = 0.05
 """Of the object's longest side: the paper's 0.1 in the cube of side 2 that LGM fills."""
@@ -103,6 +104,24 @@ def lift(
         nearest = KDTree(gaussians.means[found]).query(gaussians.means[lost], workers=-1)[1]
         labels[lost] = labels[found[nearest]]
     return Lifted(labels=labels, votes=votes, visible=visible)
+
+
+def parts_from_maps(maps: LabelMaps, lifted: Lifted) -> Parts:
+    """The lifted labels as parts, numbered in the ascending order of the maps' own numbers.
+
+    Args:
+        maps: as brought.
+        lifted: from ``lift`` with the masks of ``maps``.
+    """
+    used, dense = np.unique(lifted.labels, return_inverse=True)
+    names = maps.names or tuple(f"part_{number}" for number in range(len(maps.numbers)))
+    return Parts(
+        labels=dense.astype(np.int32),
+        names=tuple(names[number] for number in used) if maps.names else names[: len(used)],
+        backend="file (label maps, lifted)",
+        votes=lifted.votes[:, used],
+        visible=lifted.visible,
+    )
 
 
 def _check_shapes(masks: Masks, cameras: Sequence[Camera], depth: NDArray[np.float32]) -> None:

@@ -1,0 +1,93 @@
+"""Patches of the surface in numbers that say how alike they are, freed of light and shade as far as colour allows.
+
+Under more or less of the same light L + 16, a and b of CIELAB grow and shrink by one factor. Lightness therefore counts
+half, and a and b are divided by it: a pot and its shaded side then differ in one number out of three.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.grouping.supervoxels import LIGHTNESS_WEIGHT, Supervoxels
+
+__all__ = ["PatchGraph", "patch_graph"]
+
+_CHROMA_OFFSET = 70.0
+"""a and b are divided by lightness plus this before they are compared: in the shade both shrink with the light. Without
+the offset the noise of dark colours would count most."""
+_THINNESS = 22.0
+"""Units of colour that a leaf and a solid of one colour lie apart."""
+_CREASE_FREE = 0.15
+"""Concavity that curved surfaces have anyway."""
+
+
+@dataclass(frozen=True, eq=False)
+class PatchGraph:
+    """S patches of the visible surface, in numbers that say how alike they are; plain arrays, to be kept in a file.
+
+    Attributes:
+        patch: patch of every Gaussian that is visible surface, -1 elsewhere, shape [N].
+        area: share of the surface, shape [S].
+        feature: mean colour (half the lightness, a and b freed of shading) and weighted thinness, shape [S, 4].
+        spread: standard deviation of the colour, shape [S, 3].
+        touching: pairs of patches with a common border, the lower number first, shape [E, 2].
+        border: length of that border in neighbour pairs, shape [E].
+        crease: how much the surface folds inwards there, in [-0.5, 1], negative on convex edges, shape [E].
+    """
+
+    patch: NDArray[np.int32]
+    area: NDArray[np.float64]
+    feature: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    touching: NDArray[np.int32]
+    border: NDArray[np.float64]
+    crease: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.area)
+
+    def subset(self, chosen: NDArray[np.intp]) -> PatchGraph:
+        """The patches ``chosen`` alone, numbered in that order; their areas add up to 1."""
+        number = np.full(len(self), -1, np.int32)
+        number[chosen] = np.arange(len(chosen))
+        inside = (number[self.touching] >= 0).all(1)
+        return PatchGraph(
+            patch=np.where(self.patch >= 0, number[self.patch], -1).astype(np.int32),
+            area=self.area[chosen] / self.area[chosen].sum(),
+            feature=self.feature[chosen],
+            spread=self.spread[chosen],
+            touching=number[self.touching[inside]].reshape(-1, 2),
+            border=self.border[inside],
+            crease=self.crease[inside],
+        )
+
+
+def patch_graph(patches: Supervoxels, gaussian_count: int) -> PatchGraph:
+    """What merging needs to know of the patches of ``gaussian_count`` Gaussians."""
+    patch_of_gaussian = np.full(gaussian_count, -1, np.int32)
+    patch_of_gaussian[patches.core] = patches.patch
+    first, second = np.nonzero(np.triu(patches.border))
+    lightness = patches.mean[:, :1] / LIGHTNESS_WEIGHT
+    unshaded = (50 + _CHROMA_OFFSET) / (lightness + _CHROMA_OFFSET)  # 1 at middle lightness
+    thinness = _THINNESS * patches.thinness[:, None]
+    return PatchGraph(
+        patch=patch_of_gaussian,
+        area=patches.area,
+        feature=np.concatenate([patches.mean[:, :1], patches.mean[:, 1:] * unshaded, thinness], 1),
+        spread=patches.spread,
+        touching=np.stack([first, second], 1).astype(np.int32),
+        border=patches.border[first, second],
+        crease=_crease(patches, first, second),
+    )
+
+
+def _crease(patches: Supervoxels, i: NDArray[np.intp], j: NDArray[np.intp]) -> NDArray[np.float64]:
+    """How much the surface folds inwards between touching flat patches, in [-0.5, 1]; negative on convex edges."""
+    direction = patches.centre[j] - patches.centre[i]
+    direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
+    concavity = ((patches.normal[i] - patches.normal[j]) * direction).sum(1)
+    flatness = np.minimum(patches.flatness[i], patches.flatness[j])
+    return np.clip(concavity - _CREASE_FREE, -0.5, 1) * flatness
