@@ -99,12 +99,12 @@ CARNATION_LOG_E = {  # petal (A), stem (B), pot (C)
 def carnation_answers(model: str = "gpt-4o") -> list[dict[str, Any]]:
     """Five answers around the paper's values; the middle one is the paper's."""
     petal, stem, pot = (10**value for value in CARNATION_LOG_E[model])
-    plastic = "abs" if pot > 1.5e9 else "hdpe"
+    plastic, density_kgm3 = ("abs", 1030) if pot > 1.9e9 else ("polypropylene", 900)
     return [
         answer(
             part("A", side("petal", petal * f, 900, 0.3), origin="natural", shape="sheet", thickness_m=3e-4),
             part("B", side("herbaceous stem", stem * f, 900, 0.35), origin="natural"),
-            part("C", side(plastic, pot * f, 1030 if plastic == "abs" else 950, 0.4)),
+            part("C", side(plastic, pot * f, density_kgm3, 0.4)),
             thing="a potted carnation",
         )
         for f in (0.8, 1.0, 1.1, 1.0, 0.9)

@@ -8,6 +8,7 @@ stands as a function that returns it: what nobody asks for is not read back.
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from phys4dgen.progress import SILENT, Progress
@@ -48,6 +49,10 @@ class Store(Protocol):
         """Keep the result of ``stage``; returns it, or what stands for it from now on."""
         ...
 
+    def place(self, name: str) -> Path:
+        """A folder of that name in which a stage may keep what it was told from outside."""
+        ...
+
 
 def animate_scene(scene: Scene, store: Store, *, until: str = "render", progress: Progress = SILENT) -> None:
     """Run the stages of a scene up to and with ``until``."""
@@ -74,7 +79,8 @@ def animate_scene(scene: Scene, store: Store, *, until: str = "render", progress
     interior = stage("interior", lambda: fill(scene, asset, parts(), progress))
     if until == "interior":
         return
-    book = stage("materials", lambda: identify(scene, asset, parts(), interior(), progress))
+    answers = store.place("answers")
+    book = stage("materials", lambda: identify(scene, source(), asset, parts(), interior(), answers, progress))
     if until == "materials":
         return
     motion = stage("simulate", lambda: move(scene, asset, parts(), interior(), book(), progress))

@@ -23,10 +23,13 @@ if TYPE_CHECKING:
 __all__ = [
     "COMMANDS",
     "FILM_FLAGS",
+    "IDENTIFY_FLAGS",
+    "IDENTIFY_SWITCHES",
     "Arguments",
     "add_flags_of",
     "add_generate_flags",
     "add_simulate_flags",
+    "add_switches",
     "parse",
     "scene_from",
     "scene_with",
@@ -39,6 +42,7 @@ COMMANDS = {
     "simulate": "again from the simulation, after an edit of a run's scene.yaml or materials.yaml",
     "render": "the film of a run again, from elsewhere, or with parts, materials, strain or forces laid over it",
     "group": "parts of a run merged, renamed, or found anew",
+    "identify": "name the materials of a run again, by another model or with more samples",
     "inspect": "say what a splat file or a run folder holds",
     "convert": "a splat file into another format",
     "doctor": "say what is ready on this machine, what is missing, and how to get it",
@@ -87,6 +91,24 @@ FILM_FLAGS = (
     Flag("--background", "output.video.background", "NAME", "white, black or grey"),
 )
 """Everyday flags of ``render``."""
+
+IDENTIFY_FLAGS = (
+    Flag("--backend", "materials.backend", "NAME", "who names them: mllm (default), rule, library or file"),
+    Flag("--model", "materials.model", "ID", "id of the model (default: gpt-4o)"),
+    Flag("--base-url", "materials.base_url", "URL", "an OpenAI-compatible endpoint (default: OpenAI's)"),
+    Flag("--samples", "materials.samples", "N", "independent answers (default: 5)"),
+    Flag("--temperature", "materials.temperature", "T", "how much the answers may differ (default: 0.8)"),
+    Flag("--origin", "materials.origin", "WORD", "natural or artificial, where you know it (default: ask)"),
+)
+"""Everyday flags of ``identify``."""
+
+ALLOW_UPLOAD = Flag("--allow-upload", "materials.allow_upload", "", "pictures may be sent to a model")
+IDENTIFY_SWITCHES = (
+    ALLOW_UPLOAD,
+    Flag("--offline", "materials.offline", "", "use the answers in the run folder alone"),
+    Flag("--trust", "materials.trust", "", "keep the model's values although the checks speak against them"),
+)
+"""Flags without a value."""
 
 _PREVIEW: dict[str, Any] = {
     "simulation.grid": 32,
@@ -221,6 +243,12 @@ def add_flags_of(parser: argparse.ArgumentParser, flags: Sequence[Flag]) -> None
         parser.add_argument(flag.name, dest=flag.key, metavar=flag.metavar, help=flag.help)
 
 
+def add_switches(parser: argparse.ArgumentParser, flags: Sequence[Flag]) -> None:
+    """Add flags that take no value."""
+    for flag in flags:
+        parser.add_argument(flag.name, dest=flag.key, action="store_true", help=flag.help)
+
+
 def add_generate_flags(parser: argparse.ArgumentParser) -> None:
     """Add the flags that fill a run folder from a scene."""
     parser.add_argument("-o", "--output", metavar="RUN", type=Path, help="the run folder to fill (required)")
@@ -235,6 +263,7 @@ def add_simulate_flags(parser: argparse.ArgumentParser) -> None:
         "--until", metavar="STAGE", help="stop after reconstruct, views, grouping, interior, materials or simulate"
     )
     add_flags_of(parser, SCENE_FLAGS)
+    add_switches(parser, (ALLOW_UPLOAD,))
     for name, metavar, text in (
         ("--hold", "PART", "this part does not move"),
         ("--material", "PART=NAME", "material of a part, from the library"),
@@ -304,10 +333,11 @@ def _value(text: str, flag: str) -> Any:
 def _everyday_overrides(options: argparse.Namespace) -> dict[str, tuple[Any, str]]:
     """What the everyday flags say, of those that the command has."""
     overrides: dict[str, tuple[Any, str]] = {}
-    for flag in (*SCENE_FLAGS, *FILM_FLAGS):
+    for flag in (*SCENE_FLAGS, *FILM_FLAGS, *IDENTIFY_FLAGS):
         text = getattr(options, flag.key, None)
         if text is not None:
             overrides[flag.key] = (_value(text, flag.name), flag.name)
+    overrides |= {flag.key: (True, flag.name) for flag in IDENTIFY_SWITCHES if getattr(options, flag.key, False)}
     if not hasattr(options, "part_name"):
         return overrides
     for part in options.hold:

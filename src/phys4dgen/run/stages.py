@@ -89,7 +89,7 @@ STAGES = (
     Stage(
         "materials",
         settings=(*_ASSET, "seed", "materials", "parts"),
-        ignores=("parts.*.hold",),
+        ignores=("parts.*.hold", "materials.offline", "materials.max_*"),
         takes=("parts", "part names", "particles"),
         makes=("materials",),
         code=(*_SHARED_CODE, "materials", "stages/materials.py"),

@@ -2,20 +2,50 @@
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from phys4dgen.errors import Phys4DGenError
 from phys4dgen.interior import Interior
-from phys4dgen.materials import assemble_book, identify_by_rules, read_materials
+from phys4dgen.materials import assemble_book, identify_by_rules, material, read_materials
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
-from phys4dgen.types import MaterialBook, Parts
+from phys4dgen.stages.reconstruct import Source
+from phys4dgen.types import MaterialBook, PartMaterials, Parts
 
-__all__ = ["identify"]
+if TYPE_CHECKING:
+    from phys4dgen.materials.mllm import Asking, Endpoint, Identification, SubImages
+
+__all__ = ["asking", "identify", "model_endpoint", "pictures_for_model"]
+
+_TOKENS_PER_SAMPLE = 40_000
+_REQUESTS_PER_SAMPLE = 4
 
 
-def identify(scene: Scene, asset: Asset, parts: Parts, interior: Interior, progress: Progress) -> MaterialBook:
-    """Name the materials of every part (Paper: Sec. 3.4); rules stand in for the multimodal model."""
-    identified = identify_by_rules(asset.gaussians, parts, asset.frame, interior.continuum)
-    from_file = None if scene.materials.file is None else read_materials(scene.materials.file, parts.names)
+def identify(
+    scene: Scene, source: Source, asset: Asset, parts: Parts, interior: Interior, answers: Path, progress: Progress
+) -> MaterialBook:
+    """Name the materials of every part (Paper: Sec. 3.4); rules stand in for the multimodal model.
+
+    Args:
+        scene: who names them, and what the user says about single parts.
+        source: the picture that the object was made from, if any.
+        asset: the object.
+        parts: its parts.
+        interior: its particles, which know what is thin.
+        answers: folder in which answers of a model are kept and looked for.
+        progress: told what is sent and found.
+    """
+    wanted = scene.materials
+    if wanted.backend == "library":
+        identified = MaterialBook({name: PartMaterials(material(name), material(name)) for name in parts.names})
+    else:
+        identified = identify_by_rules(asset.gaussians, parts, asset.frame, interior.continuum)
+    if wanted.backend == "mllm" or (wanted.backend == "auto" and wanted.file is None and wanted.allow_upload):
+        identified = _by_model(scene, source, asset, parts, identified, answers, progress)
+    from_file = None if wanted.file is None else read_materials(wanted.file, parts.names)
     options = scene.parts
     book = assemble_book(
         parts.names,
@@ -29,3 +59,88 @@ def identify(scene: Scene, asset: Asset, parts: Parts, interior: Interior, progr
         for warning in dict.fromkeys((*entry.surface.warnings, *entry.interior.warnings)):
             progress.warn(f"Material of part '{name}': {warning}.")
     return book
+
+
+def _by_model(
+    scene: Scene,
+    source: Source,
+    asset: Asset,
+    parts: Parts,
+    rules: MaterialBook,
+    answers: Path,
+    progress: Progress,
+) -> MaterialBook:
+    """The materials that a model names; where it was not asked for by name and fails, those of the rules."""
+    from phys4dgen.materials.mllm import identify_by_model
+
+    try:
+        found = identify_by_model(
+            model_endpoint(scene),
+            partial(pictures_for_model, source, asset, parts),
+            parts.names,
+            rules,
+            asking=asking(scene),
+            folder=answers,
+            progress=progress,
+        )
+    except Phys4DGenError as error:
+        if scene.materials.backend == "mllm":
+            raise
+        progress.warn(f"The rule table names the materials, because {error}")
+        return rules
+    _judge_size(found, scene, asset, progress)
+    return found.book
+
+
+def _judge_size(found: Identification, scene: Scene, asset: Asset, progress: Progress) -> None:
+    """Say how large the model takes the object to be, where that matters."""
+    if found.height_m is None:
+        return
+    said = f"{scene.materials.model} takes the object for {found.thing or 'something'} of {found.height_m:.2g} m"
+    is_unknown = scene.height_m == "auto" and scene.longest_m is None
+    if is_unknown or not 1 / 3 < found.height_m / asset.height_m < 3:
+        progress.warn(f"{said}, the run for {asset.height_m:.2g} m; --height-m {found.height_m:.2g} would follow it.")
+    else:
+        progress.note(f"{said}.")
+
+
+def pictures_for_model(source: Source, asset: Asset, parts: Parts) -> SubImages:
+    """The pictures that a model is shown: of the user's picture where there is one, else of the front view."""
+    from phys4dgen.materials.mllm import front_views, make_sub_images, picture_view
+
+    canonical, others = front_views(asset.gaussians, parts, asset.frame)
+    if source.picture is not None and source.camera is not None:
+        canonical = picture_view(asset.gaussians, parts, source.picture, source.camera)
+    return make_sub_images(canonical, others, parts.count)
+
+
+def model_endpoint(scene: Scene) -> Endpoint:
+    """The model that a scene names.
+
+    Raises:
+        SceneError: its settings make no endpoint.
+    """
+    from phys4dgen.materials.mllm import endpoint
+
+    return endpoint(scene.materials.model, scene.materials.base_url)
+
+
+def asking(scene: Scene) -> Asking:
+    """How a scene wants a model to be asked."""
+    from phys4dgen.materials.mllm import Asking, Limits
+
+    wanted = scene.materials
+    limits = Limits(
+        requests=_REQUESTS_PER_SAMPLE * wanted.samples if isinstance(wanted.max_requests, str) else wanted.max_requests,
+        tokens=_TOKENS_PER_SAMPLE * wanted.samples if isinstance(wanted.max_tokens, str) else wanted.max_tokens,
+        total_s=wanted.max_wait_s,
+    )
+    return Asking(
+        samples=wanted.samples,
+        temperature=wanted.temperature,
+        limits=limits,
+        allow_upload=wanted.allow_upload,
+        offline=wanted.offline,
+        trust=wanted.trust,
+        origin=None if wanted.origin == "ask" else wanted.origin,
+    )

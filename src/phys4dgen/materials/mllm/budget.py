@@ -21,7 +21,7 @@ class Limits:
     Attributes:
         requests: HTTP requests in all, retries and steps of the fallback ladder included.
         tokens: tokens in all, of questions and answers.
-        answer_tokens: tokens of one answer.
+        answer_tokens: tokens of one answer; answers on many parts may have more.
         total_s: wall-clock time of all.
         request_s: wall-clock time of one request.
         concurrent: requests at the same time.
@@ -33,7 +33,7 @@ class Limits:
 
     requests: int = 20
     tokens: int = 200_000
-    answer_tokens: int = 4096
+    answer_tokens: int = 2000
     total_s: float = 180.0
     request_s: float = 90.0
     concurrent: int = 5

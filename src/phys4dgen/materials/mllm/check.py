@@ -4,7 +4,7 @@ Two checks, because one is not enough. The library knows the range of a named ma
 It cannot catch a material that was misread alike in all answers: plastic petals of 1 GPa are fine plastic (the paper's
 failure case, appendix B.3). For that there is a second opinion from shape, colour and place: where the rule table
 knows the part and differs by more than 1.5 decades of stiffness, it is said, and whether the part is natural or
-artificial decides.
+artificial decides. A natural thing of plastic contradicts itself, and is caught at any stiffness.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ MAX_SPREAD_DECADES = 1.0
 MAX_DISAGREEMENT_DECADES = 1.5
 _NATURAL_KINDS = ("plant", "wood", "snow", "ice", "soil", "sand", "food", "bone", "liquid", "stone")
 """Classes of the library that grow or form in nature."""
+_MADE_KINDS = ("plastic", "metal", "glass", "ceramic", "textile", "foam")
+"""Classes that nothing natural is made of."""
 _LAW_NUMBERS = {
     "von_mises": ("yield_stress_pa",),
     "viscoplastic": ("yield_stress_pa",),
@@ -68,7 +70,7 @@ def check_part(
     interior = _against_library(agreed.interior, agreed.thickness_m, model=model, trust=trust)
     chosen = PartMaterials(surface=surface, interior=interior)
     decisive = agreed.origin if origin is None else origin
-    opinion = _second_opinion(agreed.surface, surface, rule.surface)
+    opinion = _second_opinion(agreed.surface, surface, rule.surface, is_natural=decisive == "natural")
     if not opinion:
         return Checked(chosen, "", decisive, "model")
     entry = find_entry(rule.surface.name)
@@ -175,12 +177,14 @@ def _extra(
     return extra
 
 
-def _second_opinion(agreed: SideConsensus, chosen: Material, rule: Material) -> str:
+def _second_opinion(agreed: SideConsensus, chosen: Material, rule: Material, *, is_natural: bool) -> str:
     """How the rule table contradicts the answers, or an empty text."""
     if rule.source != "rule" or rule.name == chosen.name:
         return ""
     apart = abs(math.log10(chosen.youngs_modulus_pa) - math.log10(rule.youngs_modulus_pa))
-    if apart <= MAX_DISAGREEMENT_DECADES:
+    entry = find_entry(chosen.name)
+    contradicts_itself = is_natural and entry is not None and entry.kind in _MADE_KINDS
+    if apart <= MAX_DISAGREEMENT_DECADES and not contradicts_itself:
         return ""
     return (
         f"second opinion: {agreed.votes} of {agreed.of} answers say {chosen.name} of {agreed.youngs_modulus_pa:.2g} "

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 from phys4dgen.errors import SceneError
+from phys4dgen.scene.address import checked_address
 
 __all__ = ["DEFAULT_BASE_URL", "DEFAULT_MODEL", "Endpoint", "endpoint"]
 
@@ -71,22 +72,16 @@ def endpoint(
     if not _MODEL.fullmatch(model):
         raise SceneError("materials.model: expected the id of a model, such as gpt-4o or gemma3:12b.")
     try:
-        parts = urlsplit(base_url.strip())
-        host, _ = parts.hostname or "", parts.port
-    except ValueError:
-        parts, host = urlsplit(""), ""
-    if parts.scheme not in ("http", "https") or not host:
-        raise SceneError("materials.base_url: expected an address such as http://localhost:11434/v1.")
-    if parts.username or parts.password or parts.query or parts.fragment:
-        raise SceneError(
-            "materials.base_url: expected an address without user, password or query; a key belongs into the "
-            f"environment variable {_KEY_VARIABLES.get(host, OTHER_KEY_VARIABLE)}."
-        )
+        address = checked_address(base_url)
+    except ValueError as error:
+        raise SceneError(f"materials.base_url: {error}.") from None
+    parts = urlsplit(address)
+    host = parts.hostname or ""
     variable = _KEY_VARIABLES.get(host, OTHER_KEY_VARIABLE)
     key = environment.get(variable, "").strip()
     if key and parts.scheme == "http" and not _is_local(host):
         raise SceneError(f"materials.base_url: a key is not sent without encryption to {host}; use https.")
-    return Endpoint(model, base_url.strip().rstrip("/"), key)
+    return Endpoint(model, address, key)
 
 
 def key_variable(target: Endpoint) -> str:

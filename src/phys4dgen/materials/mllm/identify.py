@@ -13,19 +13,20 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from phys4dgen.errors import RunError
 from phys4dgen.formats.atomic import atomic_path
 from phys4dgen.materials.mllm.budget import Limits
 from phys4dgen.materials.mllm.cache import AnswerCache
 from phys4dgen.materials.mllm.check import Checked, check_part
 from phys4dgen.materials.mllm.consensus import Origin, PartConsensus, part_consensus
 from phys4dgen.materials.mllm.endpoint import Endpoint
-from phys4dgen.materials.mllm.reading import Reading
+from phys4dgen.materials.mllm.reading import PartReading, Reading, SideReading
 from phys4dgen.materials.mllm.sampling import Asked, ask
 from phys4dgen.materials.mllm.subimages import SubImages
 from phys4dgen.progress import SILENT, Progress
 from phys4dgen.types import MaterialBook, PartMaterials
 
-__all__ = ["Asking", "Identification", "identify_by_model"]
+__all__ = ["Asking", "Identification", "identify_by_model", "kept_answers", "telling_names"]
 
 
 @dataclass(frozen=True)
@@ -98,13 +99,10 @@ def identify_by_model(
     """
     images = pictures()
     _keep_pictures(images, folder)
-    telling = {
-        number: name for number, name in enumerate(part_names) if not name.startswith("part_")
-    }  # part_0 says nothing
     asked = ask(
         target,
         images,
-        telling,
+        telling_names(part_names),
         samples=asking.samples,
         temperature=asking.temperature,
         cache=AnswerCache(folder),
@@ -144,6 +142,41 @@ def identify_by_model(
     )
     _write_json(folder / "identification.json", _summary(target, asking, images, part_names, found))
     return found
+
+
+def telling_names(part_names: Sequence[str]) -> dict[int, str]:
+    """Names by part number, without those that were only numbered (part_0)."""
+    return {number: name for number, name in enumerate(part_names) if not name.startswith("part_")}
+
+
+def kept_answers(summary: Mapping[str, Any]) -> tuple[str, list[Reading], dict[str, str]]:
+    """The model, its answers and the letters of the parts, from what ``identification.json`` holds.
+
+    Raises:
+        RunError: it holds something else.
+    """
+    try:
+        rows = summary["parts"]
+        letters = {name: str(row["letter"]) for name, row in rows.items()}
+        count = max(len(row["answers"]) for row in rows.values())
+        readings = [
+            Reading(
+                thing=summary["object"],
+                height_m=None,
+                parts={row["letter"]: _part_reading(row["answers"][k]) for row in rows.values() if row["answers"][k]},
+                notes=(),
+            )
+            for k in range(count)
+        ]
+    except (KeyError, TypeError, IndexError, ValueError, AttributeError) as error:
+        raise RunError(
+            "identification.json: expected the answers of a model, got a damaged file; run 'phys4dgen identify' again."
+        ) from error
+    return str(summary["model"]), readings, letters
+
+
+def _part_reading(row: Mapping[str, Any]) -> PartReading:
+    return PartReading(**{**row, "surface": SideReading(**row["surface"]), "interior": SideReading(**row["interior"])})
 
 
 def _tell(asked: Asked, asking: Asking, progress: Progress) -> None:

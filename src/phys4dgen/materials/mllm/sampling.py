@@ -102,7 +102,7 @@ def ask(
     missing = [sample for sample in range(samples) if sample not in found]
     from_cache = len(found)
     failures: list[str] = []
-    budget, notes = Budget(limits), []
+    budget, notes = Budget(replace(limits, answer_tokens=_answer_tokens(limits, len(letters)))), []
     if missing:
         _refuse_to_ask(target, allow_upload=allow_upload, offline=offline, missing=len(missing), samples=samples)
         progress.note(
@@ -138,6 +138,11 @@ def _refuse_to_ask(target: Endpoint, *, allow_upload: bool, offline: bool, missi
     if not target.key and target.base_url.startswith(DEFAULT_BASE_URL):
         raise StageError(f"{target.model} at {target.host} needs a key in the environment variable "
                          f"{key_variable(target)}.")  # fmt: skip
+
+
+def _answer_tokens(limits: Limits, parts: int) -> int:
+    """Tokens that one answer may have: enough for all parts and some thought, within what models write at most."""
+    return max(limits.answer_tokens, min(2000 + 800 * parts, 16_000))
 
 
 def _read(text: str, letters: list[str]) -> Reading | str:

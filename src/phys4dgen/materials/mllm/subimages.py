@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from phys4dgen.types import Frame, Gaussians, Parts
+from phys4dgen.types import Camera, Frame, Gaussians, Parts
 
-__all__ = ["CROP_PX", "MAX_PARTS", "VIEW_PX", "PartView", "SubImages", "front_views", "make_sub_images"]
+__all__ = ["CROP_PX", "MAX_PARTS", "VIEW_PX", "PartView", "SubImages", "front_views", "make_sub_images", "picture_view"]
 
 MAX_PARTS = 26
 """Parts that are asked for in one request; A to Z."""
@@ -102,6 +102,23 @@ def front_views(
         return [*turned, view(0.0, 60.0), view(180.0, 60.0), view(0.0, -30.0)]
 
     return view(_AZIMUTHS_DEG[0], 15.0), others
+
+
+def picture_view(gaussians: Gaussians, parts: Parts, picture: NDArray[np.float32], camera: Camera) -> PartView:
+    """The user's picture as the canonical view, with the parts that its camera sees.
+
+    Args:
+        gaussians: made from the picture.
+        parts: their parts.
+        picture: straight sRGB and opacity, shape [H, W, 4], 0 to 1.
+        camera: that sees the Gaussians as the picture; of the same size.
+    """
+    from phys4dgen.render.views import render_labels
+
+    opacity = np.clip(picture[..., 3:], 0, 1)
+    on_white = np.clip(picture[..., :3], 0, 1) * opacity + (1 - opacity)
+    part_map = np.where(opacity[..., 0] > 0.5, render_labels(gaussians, parts.labels, camera), -1)
+    return PartView(np.rint(on_white * 255).astype(np.uint8), part_map.astype(np.int32))
 
 
 def make_sub_images(canonical: PartView, others: Callable[[], Sequence[PartView]], part_count: int) -> SubImages:
