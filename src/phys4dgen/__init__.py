@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 # Numba's OpenMP threads spin at barriers by default. The solver has two barriers in half a millisecond; beside any
 # other busy process a spinning thread waits for one that is not running, and two threads become ten times slower than
 # one. Must stand before the first parallel kernel loads the OpenMP library; the user's own choice wins.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+# GNU's library may spin for a moment before it sleeps (some 0.1 ms), so that quiet machines pay little for a barrier.
+if "OMP_WAIT_POLICY" not in os.environ:
+    os.environ["OMP_WAIT_POLICY"] = "PASSIVE"
+    os.environ.setdefault("GOMP_SPINCOUNT", "4000")
 
 __all__ = [
     "Body",

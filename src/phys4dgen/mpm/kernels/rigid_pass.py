@@ -301,7 +301,7 @@ def _strike_ground(motion, rotation, v, momentum, mass, W, points, radii, impuls
                     after = before - velocity / compliance
                     if kind != STICKY:
                         other = impulses[i, 1 - axis]
-                        limit = friction * abs(impulses[i, 2])
+                        limit = 0.0 if kind == SLIP else friction * impulses[i, 2]
                         allowed = math.sqrt(max(limit * limit - other * other, 0.0))
                         after = min(max(after, -allowed), allowed)
                 step = after - before
