@@ -57,6 +57,15 @@ def lattice(step: float) -> Array:
     return np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
 
 
+def occupancy(positions: Array, volumes: Array, shape: Shape) -> float:
+    """IoU on a grid of 32 cells a side: cells that particles fill by half, cells that the shape fills by half."""
+    step, fine = 2 / 32, 4
+    cell = np.clip(np.floor((positions + 1) / step).astype(int), 0, 31)
+    filled = np.bincount(np.ravel_multi_index(tuple(cell.T), (32,) * 3), volumes, minlength=32**3) / step**3
+    inside = (shape.distance(lattice(step / fine)) < 0).reshape(32, fine, 32, fine, 32, fine).mean((1, 3, 5)).ravel()
+    return float(((filled >= 0.5) & (inside >= 0.5)).sum() / ((filled >= 0.5) | (inside >= 0.5)).sum())
+
+
 def gradient(distance: Distance, points: Array) -> Array:
     """Unit gradient of a distance by central differences, [N, 3]."""
     h = 1e-4

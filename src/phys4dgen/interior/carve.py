@@ -23,6 +23,7 @@ __all__ = ["DepthLimits", "carve", "solid_share"]
 _MASK_ALPHA = 0.5
 _CHUNK = 65536
 _DISSENT = 1
+"""Views that may contradict all others about a share: single pixels of a noisy capture show holes."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -52,16 +53,13 @@ class DepthLimits:
     its neighbours' depth decides inside the dilated rim.
     """
 
-    def __init__(self, views: Views, *, dilate: bool) -> None:
-        """Prepare all views, dilated by one pixel or sharp."""
-        self._viewmats = np.stack([camera.viewmat for camera in views.cameras])
-        self._intrinsics = np.stack([camera.K for camera in views.cameras])
-        self._limits = np.stack(
-            [
-                minimum_filter(limit, 3) if dilate else limit
-                for limit in np.where(views.alpha > _MASK_ALPHA, views.depth, np.float32(np.inf))
-            ]
-        )
+    def __init__(self, views: Views, *, dilate: bool, chosen: NDArray[np.bool_] | None = None) -> None:
+        """Prepare all views or the chosen ones, dilated by one pixel or sharp."""
+        number = np.arange(len(views)) if chosen is None else np.flatnonzero(chosen)
+        self._viewmats = np.stack([views.cameras[k].viewmat for k in number])
+        self._intrinsics = np.stack([views.cameras[k].K for k in number])
+        shown = (np.where(views.alpha[k] > _MASK_ALPHA, views.depth[k], np.float32(np.inf)) for k in number)
+        self._limits = np.stack([minimum_filter(limit, 3) if dilate else limit for limit in shown])
 
     def behind_all(self, points: NDArray[np.float64], *, tolerance: float, dissent: int = 0) -> NDArray[np.bool_]:
         """Points [P, 3] (input axes) that no view sees through or in front of the surface, [P].

@@ -7,19 +7,22 @@ paper's label grid, particles seeded, each with its part, its piece and its true
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import StageError
 from phys4dgen.interior.bridge import BridgeReport, bridge_pieces
-from phys4dgen.interior.carve import DepthLimits, carve
-from phys4dgen.interior.density import accumulated_opacity, density_threshold
+from phys4dgen.interior.carve import DepthLimits
 from phys4dgen.interior.groups import particle_groups
+from phys4dgen.interior.hollow import hollowed
 from phys4dgen.interior.labels import label_cells
+from phys4dgen.interior.normals import seen_from
 from phys4dgen.interior.ownership import fill_vessel, part_of_particles
 from phys4dgen.interior.populate import LINK, populate
+from phys4dgen.interior.solid import Method, find_solid
+from phys4dgen.interior.thickness import with_thickness
 from phys4dgen.interior.voxels import VoxelGrid
 from phys4dgen.types import SOLID, Continuum, Frame, Gaussians, Parts, Views
 
@@ -34,7 +37,8 @@ class Interior:
         continuum: the particles.
         bridges: what bridging did.
         solid_voxels: number of solid voxels.
-        agreement: IoU of the carved and the dense solid, a figure of quality.
+        agreement: IoU of the carved and the dense solid, of the carved and the wound one where that was asked for: a
+            figure of quality.
         density_threshold: that was used on the accumulated opacity.
         loose_particles: left out, because they hang in the air: their Gaussians are carried by the nearest body.
     """
@@ -59,6 +63,8 @@ def discover_interior(
     confidence: float = 0.95,
     max_cells_per_gaussian: int = 10,
     wall_m: Mapping[int, float] | None = None,
+    method: Method = "ipsd",
+    hollow_m: Mapping[int, float] | None = None,
 ) -> Interior:
     """Find the solid that the Gaussians enclose and fill it with particles.
 
@@ -74,6 +80,9 @@ def discover_interior(
         max_cells_per_gaussian: of the same test.
         wall_m: wall thickness by part number where it is known: what lies deeper than the wall belongs to the part
             that fills the vessel.
+        method: ``ipsd`` carves by masks and depths (the paper's), ``winding`` fills by the winding number, ``both``
+            what the two agree on; ``none`` leaves bodies a skin of one layer (the paper's ablation).
+        hollow_m: wall thickness by part number of parts that are hollow: what lies deeper is left empty.
 
     Raises:
         StageError: nothing solid was found.
@@ -82,36 +91,37 @@ def discover_interior(
     side = cell * spacing_cells
     lower, upper = gaussians.robust_bounds(rotation=rotation)
     grid = VoxelGrid.around(lower - 0.03 * (upper - lower).max(), upper + 0.03 * (upper - lower).max(), side, padding=2)
-    carved = carve(grid, DepthLimits(views, dilate=True), rotation)
-    threshold = density_threshold(gaussians, grid, rotation)
-    dense = accumulated_opacity(gaussians, grid, rotation) > threshold
-    if not (carved | dense).any():
+    reading = find_solid(gaussians, views, grid=grid, rotation=rotation, method=method)
+    if not reading.solid.any():
         raise StageError(
             f"Interior: no solid was found on a grid of {side:.4g} units; expected the views to show an object with"
             " opacity above 0.5. Check the input with 'phys4dgen inspect', or give a finer --simulation.grid."
         )
-    agreement = float((carved & dense).sum() / max((carved | dense).sum(), 1))
-    solid, bridges, bridge_report = bridge_pieces(carved | dense)
+    solid, bridges, bridge_report = bridge_pieces(reading.solid)
 
-    seeds, loose = populate(gaussians, solid, bridges, grid=grid, surface=DepthLimits(views, dilate=False), frame=frame)
-    positions_up = grid.centers(seeds.middle + seeds.offset)
-    middle_up = grid.centers(seeds.middle)
-
-    label_side = float((upper - lower).max()) / label_grid
-    cells = VoxelGrid.around(lower, upper, label_side, padding=1)
+    surface, labels = _surface(gaussians, parts, views, tolerance=0.75 * side)
+    cells = VoxelGrid.around(lower, upper, float((upper - lower).max()) / label_grid, padding=1)
     valid = np.zeros(cells.shape, bool)
     valid[tuple(cells.index_of(grid.centers(np.argwhere(solid))).T)] = True
     labelled = label_cells(
-        gaussians,
-        parts.labels,
-        cells,
-        valid,
-        rotation,
-        confidence=confidence,
-        max_cells_per_gaussian=max_cells_per_gaussian,
+        surface, labels, cells, valid, rotation, confidence=confidence, max_cells_per_gaussian=max_cells_per_gaussian
     )
-    part, is_interior = part_of_particles(gaussians, parts, middle_up, seeds.shape, labelled, side, rotation)
     unit = frame.metres_per_unit
+    walls = {number: wall / unit for number, wall in (hollow_m or {}).items()}
+    if walls:
+        solid = hollowed(solid, walls, gaussians=surface, grid=grid, labelled=labelled, rotation=rotation)
+    seeds, loose = populate(
+        gaussians,
+        solid,
+        bridges & solid,
+        grid=grid,
+        surface=DepthLimits(views, dilate=False, chosen=reading.judges),
+        frame=frame,
+        skin_only=method == "none",
+    )
+    positions_up = grid.centers(seeds.middle + seeds.offset)
+    middle_up = grid.centers(seeds.middle)
+    part, is_interior = part_of_particles(surface, labels, middle_up, seeds.shape, labelled, side, rotation)
     for number, wall in (wall_m or {}).items():
         fill_vessel(part, is_interior, number, middle_up, gaussians, views, parts, rotation, wall / unit)
     positions = (positions_up @ rotation).astype(np.float32)  # what the run folder keeps, to the bit
@@ -128,7 +138,24 @@ def discover_interior(
         offset_m=seeds.offset * side * unit,
         spacing_m=side * unit,
     )
-    return Interior(continuum, bridge_report, int(solid.sum()), agreement, threshold, loose)
+    if hollow_m:  # the Gaussians show the outer face of a wall alone: its thickness was not to be read there
+        thin_wall = np.isin(part, list(hollow_m)) & (seeds.shape != SOLID)
+        continuum = with_thickness(continuum, frame=frame, given_m=hollow_m, library_m={})
+        continuum = replace(continuum, thickness_measured=continuum.thickness_measured | thin_wall)
+    return Interior(continuum, bridge_report, int(solid.sum()), reading.agreement, reading.density_threshold, loose)
+
+
+def _surface(
+    gaussians: Gaussians, parts: Parts, views: Views, *, tolerance: float
+) -> tuple[Gaussians, NDArray[np.int32]]:
+    """The Gaussians that some view sees, with their labels: buried ones are no surface, whatever they belong to.
+
+    Parts that no view sees keep all of theirs.
+    """
+    seen, _ = seen_from(gaussians.means.astype(np.float64), views, tolerance=tolerance)
+    hidden_part = np.bincount(parts.labels[seen], minlength=parts.count) == 0
+    seen |= hidden_part[parts.labels]
+    return gaussians.subset(seen), parts.labels[seen]
 
 
 def _pieces(middle: NDArray[np.float64], is_voxel: NDArray[np.bool_], part: NDArray[np.int32]) -> NDArray[np.int32]:

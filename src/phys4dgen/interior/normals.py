@@ -35,7 +35,12 @@ class OrientedPoints:
 
 
 def oriented_points(
-    gaussians: Gaussians, views: Views, *, rotation: NDArray[np.float64], tolerance: float
+    gaussians: Gaussians,
+    views: Views,
+    *,
+    rotation: NDArray[np.float64],
+    tolerance: float,
+    chosen: NDArray[np.int64] | None = None,
 ) -> OrientedPoints:
     """Normals of the visible Gaussians, from their flatness and from how their neighbours lie.
 
@@ -44,9 +49,10 @@ def oriented_points(
         views: rendered views with alpha and median depth.
         rotation: input axes -> upright axes, [3, 3].
         tolerance: how far behind the depth of a pixel a Gaussian still counts as seen, input units.
+        chosen: numbers of the views that count; None for all.
     """
     index = np.flatnonzero(gaussians.opacities > _SOLID_OPACITY)
-    seen, toward = seen_from(gaussians.means[index].astype(np.float64), views, tolerance=tolerance)
+    seen, toward = seen_from(gaussians.means[index].astype(np.float64), views, tolerance=tolerance, chosen=chosen)
     index, toward = index[seen], toward[seen] @ rotation.T
     position = gaussians.means[index].astype(np.float64) @ rotation.T
     if len(index) == 0:
@@ -66,20 +72,19 @@ def oriented_points(
 
 
 def seen_from(
-    points: NDArray[np.float64], views: Views, *, tolerance: float
+    points: NDArray[np.float64], views: Views, *, tolerance: float, chosen: NDArray[np.int64] | None = None
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Whether any view sees each point [M, 3] (input axes), and the sum of the unit vectors to the views that do."""
     seen = np.zeros(len(points), bool)
     toward = np.zeros((len(points), 3))
-    for k, camera in enumerate(views.cameras):
+    for k in range(len(views)) if chosen is None else chosen:
+        camera = views.cameras[k]
         pixels, depth = camera.project(points)
         column, row = np.floor(pixels.T).astype(np.int64)
         inside = (depth > 0) & (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height)
         number = np.flatnonzero(inside)
         row, column = row[number], column[number]
-        shown = (views.alpha[k, row, column] > _MASK_ALPHA) & (
-            depth[number] <= views.depth[k, row, column] + tolerance
-        )
+        shown = (views.alpha[k, row, column] > _MASK_ALPHA) & (depth[number] <= views.depth[k, row, column] + tolerance)
         number = number[shown]
         ray = camera.position - points[number]
         toward[number] += ray / np.linalg.norm(ray, axis=1, keepdims=True)

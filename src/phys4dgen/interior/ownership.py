@@ -19,7 +19,7 @@ _NEAR = 1.5  # particle spacings: Gaussians nearer than this say more than a cel
 
 def part_of_particles(
     gaussians: Gaussians,
-    parts: Parts,
+    labels: NDArray[np.int32],
     points_up: NDArray[np.float64],
     shape: NDArray[np.int8],
     labelled: LabelGrid,
@@ -44,9 +44,9 @@ def part_of_particles(
     distance, near = tree.query(points_up[near_surface], k=k, workers=-1)
     distance, near = distance.reshape(-1, k), near.reshape(-1, k)
     weight = np.exp(-0.5 * (distance / (0.5 * side)) ** 2) * gaussians.opacities[seen][near] + 1e-12 / (1 + distance)
-    votes = np.zeros((len(near_surface), parts.count))
+    votes = np.zeros((len(near_surface), int(labels.max()) + 1))
     for j in range(k):
-        votes[np.arange(len(near_surface)), parts.labels[seen][near[:, j]]] += weight[:, j]
+        votes[np.arange(len(near_surface)), labels[seen][near[:, j]]] += weight[:, j]
     part[near_surface] = votes.argmax(1)
     is_interior = labelled.is_interior[cell] & deep
     return part, is_interior

@@ -30,7 +30,7 @@ _COUPLED = 3.0  # voxels: particles within 1.5 cells share grid nodes
 _LEAST_BODY = 0.05  # of the largest group of coupled particles
 _SHEET_SITES = 24
 _SURFACE_LAYERS = 2  # carving reaches at most half a voxel beyond the surface, and its dilation a quarter
-_LEAST_SHARE = 0.1  # of a voxel: no particle is without mass
+_LEAST_SHARE = 0.05  # of a voxel: no particle is without mass
 _MIN_RADIUS = 3.0  # voxels: of the neighbourhood in which a sheet is measured
 
 
@@ -42,6 +42,7 @@ def populate(
     grid: VoxelGrid,
     surface: DepthLimits,
     frame: Frame,
+    skin_only: bool = False,
 ) -> tuple[Seeds, int]:
     """Particles of the thick, sheet-like and rod-like regions.
 
@@ -52,6 +53,7 @@ def populate(
         grid: voxels in upright axes.
         surface: depth limits of the rendered views, sharp.
         frame: input coordinates -> metres.
+        skin_only: thick bodies are their outermost layer of voxels.
 
     Returns:
         The particles, and how many were left out because they hang in the air.
@@ -83,7 +85,8 @@ def populate(
     sheets = join_sites(sheets, ribbons)
     rods, width, width_measured = rods.where(~flat, rods.extent), np.minimum(width[~flat], 4.0), width_measured[~flat]
 
-    body, body_share = _solid_voxels(thick, solid, surface, grid, frame.rotation)
+    kept = thick & outermost_layer(solid) if skin_only else thick
+    body, body_share = _solid_voxels(kept, solid, surface, grid, frame.rotation)
     outer, body_number = body_surface(body)
     others = len(sheets) + len(rods)
     links, link_width = link_groups(

@@ -178,6 +178,12 @@ class Interior(_Section):
     """samples drawn from one Gaussian at most"""
     spacing: Auto | Annotated[float, Field(ge=0.2, le=1)] = "auto"
     """between simulated particles, in grid cells (dx); auto: 0.5"""
+    method: Literal["ipsd", "winding", "both", "none"] = "ipsd"
+    """ipsd: carve by masks and depths (the paper's); winding: fill by the winding number; both: what they agree on;
+    none: nothing inside, a skin of one layer of particles (the paper's ablation)"""
+    hollow: dict[PartName, bool | Annotated[float, Field(gt=0, lt=1)]] = Field(default_factory=dict)
+    """parts of which only a wall is filled: its thickness in metres; true: as parts.NAME.thickness_m, else as usual
+    for parts.NAME.material"""
 
 
 class Materials(_Section):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from phys4dgen.errors import SceneError, did_you_mean
 from phys4dgen.interior import Interior, discover_interior, with_thickness
+from phys4dgen.materials.library import find_entry
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
@@ -17,6 +19,8 @@ def fill(scene: Scene, asset: Asset, parts: Parts, progress: Progress) -> Interi
     wanted = scene.interior
     spacing = 0.5 if isinstance(wanted.spacing, str) else wanted.spacing
     views = rendered(asset, "carve", 640, progress)
+    hollow = _hollow_walls(scene, parts)
+    walls = {number: wall for number, wall in _given_thickness(scene, parts).items() if number not in hollow}
     interior = discover_interior(
         asset.gaussians,
         views,
@@ -27,7 +31,9 @@ def fill(scene: Scene, asset: Asset, parts: Parts, progress: Progress) -> Interi
         label_grid=wanted.label_grid,
         confidence=wanted.confidence,
         max_cells_per_gaussian=wanted.max_particles_per_gaussian,
-        wall_m=_given_thickness(scene, parts),
+        wall_m=walls,
+        method=wanted.method,
+        hollow_m=hollow,
     )
     found = interior.bridges
     progress.note(
@@ -57,3 +63,34 @@ def _given_thickness(scene: Scene, parts: Parts) -> dict[int, float]:
         for name, options in scene.parts.items()
         if options.thickness_m is not None
     }
+
+
+def _hollow_walls(scene: Scene, parts: Parts) -> dict[int, float]:
+    """Wall thickness in metres of the hollow parts, by part number."""
+    walls: dict[int, float] = {}
+    for name, wall in scene.interior.hollow.items():
+        if name not in parts.names:
+            raise SceneError(
+                f"interior.hollow: expected names of parts ({', '.join(parts.names)}), got '{name}'."
+                f"{did_you_mean(name, parts.names)}"
+            )
+        if isinstance(wall, bool):
+            if not wall:
+                continue
+            wall = _usual_wall(scene, name)
+        walls[parts.names.index(name)] = wall
+    return walls
+
+
+def _usual_wall(scene: Scene, name: str) -> float:
+    """Wall thickness of a part of which the scene only says that it is hollow, metres."""
+    options = scene.parts.get(name)
+    entry = find_entry(options.material) if options is not None and options.material is not None else None
+    if options is not None and options.thickness_m is not None:
+        return options.thickness_m
+    if entry is not None and entry.thickness_m is not None:
+        return entry.thickness_m.value
+    raise SceneError(
+        f"interior.hollow.{name}: expected a wall thickness, got true, and neither parts.{name}.thickness_m nor the "
+        f"usual thickness of its material is known. Give the wall in metres: --interior.hollow.{name} 0.003"
+    )
