@@ -160,13 +160,15 @@ def _fill(
     use_threads(scene)
     if not simulator_is_compiled():
         recorder.note("First run on this machine: the kernels are compiled once, which adds about half a minute.")
-    run.write_scene(scene)
     store = RunStore(run, scene, recorder, since=since, again=again, only=since == "render")
+    if not store.only:  # which may still refuse, and writes the scene once it does not
+        run.write_scene(scene)
     try:
         animate_scene(scene, store, until=stages[-1], progress=recorder)
     except BaseException:
-        with suppress(OSError):  # a full disk shall not hide what went wrong first
-            _write_report(run, scene, store, recorder, stages)
+        if not store.refused:
+            with suppress(OSError):  # a full disk shall not hide what went wrong first
+                _write_report(run, scene, store, recorder, stages)
         raise
     _write_report(run, scene, store, recorder, stages)
 

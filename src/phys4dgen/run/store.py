@@ -66,6 +66,7 @@ class RunStore:
         since: first stage that this command means to make; those before it hold although phys4dgen itself changed.
         again: make ``since`` again although nothing has changed.
         only: refuse to make a stage before ``since``.
+        refused: it was, so that the run stays as it is.
         counts: gaussians, particles, parts ... for the report.
         backends: what did each stage.
         parts: the parts in numbers.
@@ -79,6 +80,7 @@ class RunStore:
     since: str = STAGES[0].name
     again: bool = False
     only: bool = False
+    refused: bool = False
     counts: dict[str, int] = field(default_factory=dict)
     backends: dict[str, str] = field(default_factory=dict)
     parts: list[PartReport] = field(default_factory=list)
@@ -113,6 +115,7 @@ class RunStore:
         reasons = self._reasons(stage, needs, record)
         if reasons or record is None:
             if self.only and stage != self.since:
+                self.refused = True
                 raise RunError(
                     f"{self.run.root}: '{stage}' is not up to date, because {' and '.join(reasons)}; "
                     f"'phys4dgen simulate {self.run.root}' makes what is missing."
