@@ -63,7 +63,7 @@ def continuum():
 HELD = np.array([False] * 7 + [True])
 
 
-def _assemble(continuum, book, *, speed_ms, cell_m=CELL_M, held=HELD, rigid=None, fps=24.0):
+def _assemble(continuum, book, *, speed_ms, cell_m=CELL_M, held=HELD, rigid=None, fps=24.0, rigid_ms=1e5):
     return assemble_body(
         continuum,
         PARTS,
@@ -73,6 +73,7 @@ def _assemble(continuum, book, *, speed_ms, cell_m=CELL_M, held=HELD, rigid=None
         rigid=np.zeros(8, bool) if rigid is None else rigid,
         cell_m=cell_m,
         max_wave_speed_ms=speed_ms,
+        rigid_wave_speed_ms=rigid_ms,
         fps=fps,
     )
 
@@ -240,6 +241,12 @@ def test_a_long_lump_that_would_visibly_swing_stays_stiff(continuum):
     assert (stiff.body.youngs_modulus_pa[bar.part == 2] == 5e9).all()
     slow_film = _assemble(bar, book, speed_ms=60.0, held=still, rigid=still, fps=0.1)
     assert (slow_film.body.youngs_modulus_pa[bar.part == 2] < 5e9).all()
+
+
+def test_a_solid_part_that_would_be_rigid_anyway_is_not_softened(continuum):
+    book = _book(lump=_material(youngs_modulus_pa=2e11, density_kgm3=7860.0))
+    assert _assemble(continuum, book, speed_ms=60.0).capped != ()
+    assert _assemble(continuum, book, speed_ms=60.0, rigid_ms=500.0).body.youngs_modulus_pa[6] == 2e11
 
 
 def test_rigid_parts_are_left_as_they_are(continuum):

@@ -127,6 +127,7 @@ def assemble_body(
     rigid: NDArray[np.bool_],
     cell_m: float,
     max_wave_speed_ms: float,
+    rigid_wave_speed_ms: float,
     fps: float,
 ) -> Assembly:
     """Give every particle its material, and thicken thin parts until waves are slow enough.
@@ -141,6 +142,7 @@ def assemble_body(
         cell_m: grid cell dx of the simulation, m.
         max_wave_speed_ms: thin parts are thickened until their P-wave is no faster, or to the limit; thick regions
             are capped at the speed that the thin ones leave, where nobody can see it.
+        rigid_wave_speed_ms: mostly solid parts with a faster P-wave are not capped; they had better be rigid.
         fps: frames per second of the film, which says how fast a swing can be seen.
     """
     p = len(continuum)
@@ -178,7 +180,7 @@ def assemble_body(
     stoutness = _stoutness(continuum, frame, ~still, thin_density * volume)
     thin_modulus, capped = _cap(
         continuum.part, parts.names, free_solid, ~still, thin_density * volume, thin_density, thin_modulus, poisson,
-        max_wave_speed_ms, extent_m, stoutness / fps,
+        max_wave_speed_ms, rigid_wave_speed_ms, extent_m, stoutness / fps,
     )  # fmt: skip
     body = Body(
         positions_m=frame.to_metres(continuum.positions) + offset_m,
@@ -240,6 +242,7 @@ def _cap(
     thin_modulus: NDArray[np.float64],
     poisson: NDArray[np.float64],
     max_wave_speed_ms: float,
+    rigid_wave_speed_ms: float,
     extent_m: float,
     stoutness_s_per_m: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], tuple[CappedPart, ...]]:
@@ -256,7 +259,8 @@ def _cap(
     allowed = thin_density * speed**2 / _p_wave_modulus(1.0, poisson)
     strain = thin_density * (1.0 + 9.81 * extent_m) / allowed
     invisible = (strain < _LARGEST_CAPPED_STRAIN) & (stoutness_s_per_m * np.sqrt(allowed / thin_density) > _UNSEEN_RATE)
-    chosen = free & (thin_modulus > 1.001 * allowed) & invisible
+    within_reach = thin_density * rigid_wave_speed_ms**2 >= thin_modulus * _p_wave_modulus(1.0, poisson)
+    chosen = free & (thin_modulus > 1.001 * allowed) & invisible & (within_reach | np.isinf(stoutness_s_per_m))
     capped = []
     for number in np.unique(part[chosen]):
         mine = chosen & (part == number)

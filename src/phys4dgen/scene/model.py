@@ -229,8 +229,8 @@ class PartOptions(_Section):
     """What the user says about one part."""
 
     hold: Literal["auto", "fixed", "rigid", "free"] = "auto"
-    """fixed: does not move; rigid: moves and never deforms; free: moves and deforms; auto: as the motion preset and
-    the part's stiffness decide"""
+    """fixed: does not move; rigid: moves and never deforms; free: moves, and deforms if its stiffness can be afforded;
+    auto: fixed or free, as the motion preset decides"""
     material: str | None = None
     """of the surface, by its name in the library; null: as identified"""
     interior_material: str | None = None

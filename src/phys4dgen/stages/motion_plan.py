@@ -86,7 +86,7 @@ def plan_motion(
 
     Raises:
         SceneError: a part that the scene names does not exist.
-        SimulationError: nothing could move, or a part that must deform is too stiff for the budget.
+        SimulationError: nothing could move.
     """
     given = _Given(scene, asset, parts, continuum, book, progress)
     asked = scene.motion.preset
@@ -150,8 +150,6 @@ def _prepare(given: _Given, preset: str) -> _Prepared:
         stiff = [part for part in stiff_parts(assembly.body, settings) if part.part not in reasons]
         if not stiff:
             break
-        if options.get(stiff[0].name) == "free":
-            raise SimulationError(f"Too stiff for the budget: {stiff[0]} (--hold {stiff[0].name}).")
         reasons[stiff[0].part] = (
             f"E = {stiff[0].youngs_modulus_pa:.3g} Pa would need {stiff[0].needed_substeps} substeps per frame, "
             f"{stiff[0].allowed_substeps} are allowed"
@@ -179,7 +177,7 @@ def _with_parts(held: Held, continuum: Continuum, parts: Parts, stuck: tuple[int
 def _assembled(given: _Given, held: Held, body_of: NDArray[np.int32]) -> Assembly:
     """The body, its thin parts thickened until a frame needs no more than max_substeps."""
     scene, asset, continuum = given.scene, given.asset, given.continuum
-    slowest = asset.cell_m * scene.simulation.cfl * scene.simulation.max_substeps / scene.frame_time_s
+    speed_per_substep = asset.cell_m * scene.simulation.cfl / scene.frame_time_s
     assembly = assemble_body(
         continuum,
         given.parts,
@@ -188,7 +186,8 @@ def _assembled(given: _Given, held: Held, body_of: NDArray[np.int32]) -> Assembl
         held=held.particles,
         rigid=body_of >= 0,
         cell_m=asset.cell_m,
-        max_wave_speed_ms=0.9 * slowest,  # a tenth of the speed is left to the motion itself
+        max_wave_speed_ms=0.9 * speed_per_substep * scene.simulation.max_substeps,  # the rest is for the motion itself
+        rigid_wave_speed_ms=speed_per_substep * scene.simulation.substep_limit,
         fps=scene.simulation.fps,
     )
     pieces = np.stack([continuum.part, continuum.piece], 1)
