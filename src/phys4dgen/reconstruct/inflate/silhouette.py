@@ -22,8 +22,10 @@ _SIDES = (0.08, 0.16)
 """Between these shares of the height above the lowest row the sides of a body that stands go straight down."""
 _STEEPEST = 0.3
 """Sine of the highest elevation; what curves more is round below."""
+_STEEPEST_SIDES = 0.8
+"""Change of the width per row above which the sides are those of something round below, such as a ball."""
 _FIT = 0.06
-"""Largest error of the widths about half an ellipse, relative to the width, for a base to be seen as round."""
+"""Largest mean error of the widths about half an ellipse, relative to the width, for a base to be seen as round."""
 _STANDS = 0.25
 """An object whose foot is at least this wide, relative to its widest row, stands on a flat base."""
 
@@ -136,10 +138,12 @@ def _base_sagitta(mask: NDArray[np.bool_], width: NDArray[np.int64], bottom: int
         return 0
     slope, intercept = np.polyfit(sides + 0.5, width[bottom - sides], 1)
     above = np.arange(sides[0]) + 0.5
+    if abs(slope) > _STEEPEST_SIDES:
+        return 0
     straight = intercept + slope * above
     candidates = np.arange(min(int(_STEEPEST * width[bottom - sides[0]] / 2), sides[0]) + 1)
     dip = np.clip(1 - above / np.maximum(candidates, 0.5)[:, None], 0, 1)
-    error = np.sqrt(((straight * np.sqrt(1 - dip**2) - width[bottom - np.arange(sides[0])]) ** 2).mean(1))
+    error = np.abs(straight * np.sqrt(1 - dip**2) - width[bottom - np.arange(sides[0])]).mean(1)
     best = int(np.argmin(error))
     return int(candidates[best]) if error[best] < _FIT * max(intercept, 1.0) else 0
 

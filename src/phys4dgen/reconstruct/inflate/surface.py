@@ -99,8 +99,9 @@ def walls(
     slope = np.maximum(2 * local, 4)
 
     def wall(height: NDArray[np.float64], inset: float) -> NDArray[np.float64]:
-        squared = height[rows, columns] ** 2
-        distance = outline.rim_distance - np.minimum(inset, 0.45 * local)
+        inset_px = np.minimum(inset, 0.45 * local)
+        squared = np.maximum(height[rows, columns] - inset_px, 0) ** 2
+        distance = outline.rim_distance - inset_px
         inside = np.minimum(squared, 3 * local * distance + squared * smoothstep(distance, 0, 4))
         return np.where(distance > 0, np.maximum(inside, 0.3 * distance), slope * distance)
 

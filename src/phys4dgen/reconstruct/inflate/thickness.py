@@ -80,23 +80,22 @@ def thickness(outline: Silhouette, rgb: NDArray[np.float32], *, gain: float = 1.
 
 
 def relief(segments: NDArray[np.int64], mask: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What the colour parts add to the front and to the back, px, each of shape [S, S].
+    """What the colour parts take from the front and from the back (negative), px, each of shape [S, S].
 
-    Each part bulges by a quarter circle from its border. The back shows the parts that reach the rim only, since the
-    others are marks on the front.
+    Each part bulges by a quarter circle from its border with others, which leaves grooves between them. The back shows
+    the parts that reach the rim only, since the others are marks on the front.
     """
     size = segments.shape[0]
     reach = RELIEF_REACH_REL * size
     border = np.zeros(segments.shape, bool)
-    border[:, 1:] |= segments[:, 1:] != segments[:, :-1]
-    border[1:] |= segments[1:] != segments[:-1]
-    depth = np.minimum(depth_inside(~border), reach)
+    border[:, 1:] |= (segments[:, 1:] != segments[:, :-1]) & mask[:, 1:] & mask[:, :-1]
+    border[1:] |= (segments[1:] != segments[:-1]) & mask[1:] & mask[:-1]
+    depth = np.minimum(depth_inside(~border), reach) if border.any() else np.full(mask.shape, reach)
     bulge = RELIEF_GAIN * np.sqrt(2 * reach * depth - depth**2)
     rim_band = mask & (depth_inside(mask) < 2.5)
     wraps = np.isin(segments, np.unique(segments[rim_band]))
-    middle = RELIEF_GAIN * reach
-    front = np.where(mask, bulge - 0.6 * middle, 0)
-    back = np.where(mask, np.where(wraps, bulge, middle) - 0.6 * middle, 0)
+    groove = np.where(mask, bulge - RELIEF_GAIN * reach, 0)
+    front, back = groove, np.where(wraps, groove, 0)
     return nd.gaussian_filter(front, 1.2), nd.gaussian_filter(back, 1.5)
 
 
