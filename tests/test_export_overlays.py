@@ -81,7 +81,8 @@ def test_overlays_leave_the_run_as_it_is(run, capsys):
     for name in ("parts", "material", "strain", "forces"):
         assert main(["render", str(run.root), "--overlay", name, "-q"]) == 0
         assert (run.root / "overlays" / f"{name}.mp4").stat().st_size > 1000
-        assert Image.open(run.root / "overlays" / f"{name}.png").width > 200
+        with Image.open(run.root / "overlays" / f"{name}.png") as sheet:
+            assert sheet.width > 200
     touched = [path.name for path, content in before.items() if path.read_bytes() != content]
     assert set(touched) <= {"log.jsonl", ".lock", ".state.json"}
     assert json.loads((run.root / "report.json").read_text("utf-8")) == run.report
@@ -89,7 +90,8 @@ def test_overlays_leave_the_run_as_it_is(run, capsys):
 
 def test_the_parts_have_the_colours_of_their_legend(run):
     assert main(["render", str(run.root), "--overlay", "parts", "--background", "black", "-q"]) == 0
-    pixels = np.asarray(Image.open(run.root / "overlays" / "parts.png").convert("RGB")).reshape(-1, 3).astype(float)
+    with Image.open(run.root / "overlays" / "parts.png") as sheet:
+        pixels = np.asarray(sheet.convert("RGB")).reshape(-1, 3).astype(float)
     lit = pixels[(pixels.max(1) > 90) & (np.ptp(pixels, axis=1) > 40)]
     lit /= np.linalg.norm(lit, axis=1, keepdims=True)
     for color in part_colors(3).astype(float):
