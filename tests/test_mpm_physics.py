@@ -137,6 +137,23 @@ def test_b4_free_bar_rings_at_its_axial_frequency(law):
     assert frequency_hz(np.array(length), period / 20) == pytest.approx(1 / period, rel=0.01)
 
 
+@pytest.mark.parametrize(("wall_dx", "rel"), [(0.0, 0.02), (0.5, 1 / 32)])
+def test_b5_bar_held_at_one_end_rings_at_a_quarter_of_its_wave(wall_dx, rel):
+    """The wall is where the held nodes end: first order in dx, exact to 2 % where it lies on a node."""
+    dx, cells, E, rho = 0.01, 32, 1e5, 1000.0
+    L, c = cells * dx, np.sqrt(E / rho)
+    period = 4 * L / c
+    x = lattice((2 * cells + 8, 6, 6), dx / 2, (-4 * dx, 0, 0))
+    x = np.concatenate([x, [[-(8 + wall_dx) * dx, 0, 0]]])  # a crumb that sets where the grid's nodes lie
+    held = x[:, 0] < 0
+    v = np.zeros_like(x)
+    v[:, 0] = np.where(held, 0, 0.01 * np.sin(np.pi * x[:, 0] / (2 * L)))
+    simulator = Simulator(body(x, (dx / 2) ** 3, E=E, rho=rho, nu=0.0, held=held, v=v), Settings(dx, period / 20))
+    end = x[:, 0] > L - dx
+    reached = np.array([simulator.advance().positions_m[end, 0].mean() for _ in range(60)])
+    assert frequency_hz(reached, period / 20) == pytest.approx(1 / period, rel=rel)
+
+
 @pytest.mark.parametrize("phase", list(itertools.product((0, 0.25), (0, 0.5))))
 @pytest.mark.parametrize("shape", ["sheet", "rod"])
 def test_thin_parts_bend_as_theory_says(shape, phase):
