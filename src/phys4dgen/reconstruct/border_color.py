@@ -66,7 +66,7 @@ def cut_by_border_color(rgb: NDArray[np.float32]) -> BorderCut:
     distance = np.linalg.norm((inner - background) * weight, axis=-1)
     threshold = max(_LEAST_THRESHOLD, 2 * border_spread)
     object_mask = np.zeros(lab.shape[:2], bool)
-    object_mask[rows, columns] = _object(distance, threshold, shadow=_soft_shadow(inner - background))
+    object_mask[rows, columns] = _object(distance, threshold, shadow=_soft_shadow(inner, background))
     soft = nd.gaussian_filter(object_mask.astype(np.float32), 0.7)
     alpha = np.asarray(Image.fromarray(soft).resize((width, height), Image.Resampling.BICUBIC), np.float32)
     inside = object_mask[rows, columns]
@@ -112,16 +112,14 @@ def _fitted_background(lab: NDArray[np.float64]) -> tuple[NDArray[np.float64], f
     return terms @ fit, float(np.percentile(error, 90))
 
 
-def _soft_shadow(difference: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Pixels that look like the background in a soft shadow.
-
-    Args:
-        difference: Lab of the picture minus that of the background, shape [H, W, 3].
-    """
-    smooth = nd.gaussian_filter(difference, (1, 1, 0))
-    slope = np.hypot(*slopes(smooth[..., 0]))
-    chroma = np.hypot(smooth[..., 1], smooth[..., 2])
-    darker = (smooth[..., 0] < 0) & (smooth[..., 0] > -SHADOW_DEPTH)
+def _soft_shadow(lab: NDArray[np.float64], background: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Pixels that look like the background in a soft shadow; a and b fall with the lightness there."""
+    smooth = np.asarray(nd.gaussian_filter(lab, (1, 1, 0)))
+    darkening = smooth[..., 0] - background[..., 0]
+    slope = np.hypot(*slopes(darkening))
+    shaded = background[..., 1:] * (smooth[..., :1] / np.maximum(background[..., :1], 1))
+    chroma = np.linalg.norm(smooth[..., 1:] - shaded, axis=-1)
+    darker = (darkening < 0) & (darkening > -SHADOW_DEPTH)
     return darker & (chroma < SHADOW_CHROMA) & (nd.maximum_filter(slope, 3) < SHADOW_SLOPE)
 
 

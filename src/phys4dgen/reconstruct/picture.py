@@ -111,9 +111,9 @@ def _decoded(path: Path) -> Image.Image:
     if path.stat().st_size > MAX_FILE_BYTES:
         raise FormatError(f"{too_large} and {MAX_FILE_BYTES // 2**20} MB; scale it down to {MAX_SIDE_PX} pixels.")
     try:
-        with warnings.catch_warnings():
+        with path.open("rb") as stream, warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            image = Image.open(path)
+            image = Image.open(stream)
             image.draft(None, (MAX_SIDE_PX, MAX_SIDE_PX))  # a JPEG can be decoded at a half, a quarter or an eighth
             image.load()
         upright = ImageOps.exif_transpose(image)
