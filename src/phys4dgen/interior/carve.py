@@ -100,4 +100,4 @@ def solid_share(
     steps = (np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), -1).reshape(-1, 3)) / 3
     points = grid.centers(index)[:, None] + steps * grid.side
     inside = limits.behind_all(points.reshape(-1, 3) @ rotation, tolerance=0.0, dissent=_DISSENT)
-    return inside.reshape(len(index), -1).mean(1)
+    return inside.reshape(len(index), len(steps)).mean(1)

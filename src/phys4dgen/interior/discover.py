@@ -99,7 +99,7 @@ def discover_interior(
         )
     solid, bridges, bridge_report = bridge_pieces(reading.solid)
 
-    surface, labels = _surface(gaussians, parts, views, tolerance=0.75 * side)
+    surface, labels = _surface(gaussians, parts, views, tolerance=side)
     cells = VoxelGrid.around(lower, upper, float((upper - lower).max()) / label_grid, padding=1)
     valid = np.zeros(cells.shape, bool)
     valid[tuple(cells.index_of(grid.centers(np.argwhere(solid))).T)] = True

@@ -69,4 +69,3 @@ def link_groups(
         np.ones(sum(counts), bool),
     )
     return sites, np.repeat([thick for *_, thick in added], counts)
-
