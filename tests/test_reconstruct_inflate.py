@@ -16,7 +16,7 @@ from phys4dgen.types import Camera, rotation_to_z_up
 from phys4dgen.types.gaussians import rotation_from_quats
 
 UPRIGHT = rotation_to_z_up(np.array([0.0, 1.0, 0.0]))
-FEW = InflateOptions(front_gaussians=12_000)
+FEW = InflateOptions(front_gaussians=20_000)
 
 
 def cutout_of(mask, color=(0.8, 0.4, 0.2)):
@@ -122,7 +122,7 @@ def test_a_curved_base_tells_the_elevation_of_the_camera():
 
 def test_thickness_scales_the_depth():
     deep = inflate(cutout_of(strip_mask()), FEW).gaussians.means
-    half = inflate(cutout_of(strip_mask()), InflateOptions(12_000, thickness=0.5)).gaussians.means
+    half = inflate(cutout_of(strip_mask()), InflateOptions(20_000, thickness=0.5)).gaussians.means
     assert np.ptp(half[:, 2]) == pytest.approx(0.5 * np.ptp(deep[:, 2]), rel=0.06)
 
 

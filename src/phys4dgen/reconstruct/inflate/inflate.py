@@ -25,7 +25,7 @@ from phys4dgen.types import SH_C0, Gaussians
 
 __all__ = ["InflateOptions", "inflate"]
 
-_LEAST_SIDE_PX, _LARGEST_SIDE_PX = 192, 512
+_LEAST_SIDE_PX, _LARGEST_SIDE_PX = 96, 512
 _WARNING = (
     "The object was inflated from its outline (stand-in for an image-to-3D network): depth and back are guesses; flat, "
     "tilted or hollow things, several objects, and pictures from above come out wrong."
@@ -99,7 +99,7 @@ def inflate(cutout: Cutout, options: InflateOptions = InflateOptions()) -> Recon
 
 def _working_side(rgba: NDArray[np.float32], front_gaussians: int) -> int:
     """Side of the working grid: fine enough for the Gaussians wanted, not finer than the picture."""
-    probe = framed(rgba, _LEAST_SIDE_PX)
+    probe = framed(rgba, 2 * _LEAST_SIDE_PX)
     share = float((probe[..., 3] > 0.5).mean())
     wanted = math.sqrt(front_gaussians / max(share, 1e-3))
     native = 1.25 * longest_side(rgba[..., 3]) / FILL
