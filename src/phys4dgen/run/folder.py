@@ -199,7 +199,7 @@ class RunFolder:
 
     def missing(self, scene: Scene, stages: Sequence[str]) -> list[str]:
         """Names of the files that these stages of a scene owe and that are not there."""
-        of_a_picture = [self.cutout_png, self.source_json] if is_picture(scene.input) else []
+        of_a_picture = [self.source_json] if is_picture(scene.input) else []
         owed = {
             "reconstruct": [self.gaussians_ply, *of_a_picture],
             "views": [self.cameras_json],

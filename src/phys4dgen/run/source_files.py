@@ -19,9 +19,10 @@ __all__ = ["read_source", "write_source"]
 
 
 def write_source(run: RunFolder, source: Source) -> None:
-    """Write ``gaussians.ply`` and, of a picture, ``reconstruct/``: the cut-out, its camera and the exact inside."""
+    """Write ``gaussians.ply`` and ``reconstruct/``: the maker and, where it knows them, cut-out, camera and inside."""
     save_gaussians(source.gaussians, run.gaussians_ply)
     if source.picture is None or source.camera is None:
+        run.write_json(run.source_json, {"backend": source.backend})
         return
     write_png(np.rint(source.picture * 255).astype(np.uint8), run.cutout_png)
     camera = source.camera
@@ -44,6 +45,8 @@ def read_source(run: RunFolder, scene: Scene) -> Source:
     if not is_picture(scene.input):
         return Source(load_gaussians(scene.input), "splat as given")
     facts = json.loads(run.source_json.read_text("utf-8"))
+    if "viewmat" not in facts:
+        return Source(load_gaussians(run.gaussians_ply), facts["backend"])
     camera = Camera(
         viewmat=np.array(facts["viewmat"]), K=np.array(facts["K"]), width=facts["width"], height=facts["height"]
     )

@@ -51,6 +51,13 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
     chosen = scene.reconstruct
     cutout = cut_out(scene.input, mask=chosen.mask, matte_model=chosen.matte_model)
     progress.note(f"The object was cut out of the picture by {cutout.source}.")
+    if chosen.backend == "command":
+        from phys4dgen.reconstruct.command import reconstruct_by_command
+
+        by_program = reconstruct_by_command(cutout, chosen.argv, timeout_s=chosen.timeout_s)
+        for warning in by_program.warnings:
+            progress.warn(warning)
+        return Source(by_program.gaussians, f"{by_program.backend}, object by {cutout.source}")
     options = InflateOptions(front_gaussians=chosen.front_gaussians, thickness=chosen.thickness_rel)
     made = inflate(cutout, options)
     for warning in made.warnings:
