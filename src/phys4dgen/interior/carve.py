@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter
+from scipy.ndimage import grey_opening, minimum_filter
 
 from phys4dgen.interior.voxels import VoxelGrid
 from phys4dgen.types import Views
@@ -22,16 +22,14 @@ __all__ = ["DepthLimits", "carve", "solid_share"]
 
 _MASK_ALPHA = 0.5
 _CHUNK = 65536
-_DISSENT = 1
-"""Views that may contradict all others about a share: single pixels of a noisy capture show holes."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _behind_all(points, viewmats, intrinsics, limits, tolerance, dissent, solid):  # pragma: no cover - compiled
+def _behind_all(points, viewmats, intrinsics, limits, tolerance, solid):  # pragma: no cover - compiled
     height, width = limits.shape[1:]
     for p in range(len(points)):
         x, y, z = points[p]
-        against = 0
+        solid[p] = True
         for k in range(len(limits)):
             m, i = viewmats[k], intrinsics[k]
             depth = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
@@ -40,17 +38,16 @@ def _behind_all(points, viewmats, intrinsics, limits, tolerance, dissent, solid)
             u = math.floor(i[0, 0] * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]) / depth + i[0, 2])
             v = math.floor(i[1, 1] * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]) / depth + i[1, 2])
             if 0 <= u < width and 0 <= v < height and depth < limits[k, v, u] - tolerance:
-                against += 1
-                if against > dissent:
-                    break
-        solid[p] = against <= dissent
+                solid[p] = False
+                break
 
 
 class DepthLimits:
     """For every view, the depth from which on a pixel may hold something solid; infinite where it shows nothing.
 
     Dilated by one pixel, the depth is the least over 3 x 3: a pixel that shows nothing has no surface in front, so
-    its neighbours' depth decides inside the dilated rim.
+    its neighbours' depth decides inside the dilated rim. Sharp, single pixels through which one sees deeper than all
+    around are closed: a noisy capture has many, and all views together would eat its surface away.
     """
 
     def __init__(self, views: Views, *, dilate: bool, chosen: NDArray[np.bool_] | None = None) -> None:
@@ -59,9 +56,9 @@ class DepthLimits:
         self._viewmats = np.stack([views.cameras[k].viewmat for k in number])
         self._intrinsics = np.stack([views.cameras[k].K for k in number])
         shown = (np.where(views.alpha[k] > _MASK_ALPHA, views.depth[k], np.float32(np.inf)) for k in number)
-        self._limits = np.stack([minimum_filter(limit, 3) if dilate else limit for limit in shown])
+        self._limits = np.stack([minimum_filter(limit, 3) if dilate else grey_opening(limit, 3) for limit in shown])
 
-    def behind_all(self, points: NDArray[np.float64], *, tolerance: float, dissent: int = 0) -> NDArray[np.bool_]:
+    def behind_all(self, points: NDArray[np.float64], *, tolerance: float) -> NDArray[np.bool_]:
         """Points [P, 3] (input axes) that no view sees through or in front of the surface, [P].
 
         A view does not judge what lies outside of its picture or behind its camera.
@@ -71,7 +68,7 @@ class DepthLimits:
             for chunk in range(0, len(points), _CHUNK):
                 some = slice(chunk, chunk + _CHUNK)
                 views = self._viewmats, self._intrinsics, self._limits
-                pool.submit(_behind_all, points[some], *views, tolerance, dissent, solid[some])
+                pool.submit(_behind_all, points[some], *views, tolerance, solid[some])
         return solid
 
 
@@ -99,5 +96,5 @@ def solid_share(
     """
     steps = (np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), -1).reshape(-1, 3)) / 3
     points = grid.centers(index)[:, None] + steps * grid.side
-    inside = limits.behind_all(points.reshape(-1, 3) @ rotation, tolerance=0.0, dissent=_DISSENT)
+    inside = limits.behind_all(points.reshape(-1, 3) @ rotation, tolerance=0.0)
     return inside.reshape(len(index), len(steps)).mean(1)
