@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from phys4dgen.animate import AxisTracker, Deformer
 from phys4dgen.progress import Progress
 from phys4dgen.render.cameras import video_path
+from phys4dgen.render.ground import ShadowPlane
 from phys4dgen.render.gsplat_backend import GsplatRasteriser, gsplat_is_ready
 from phys4dgen.render.rasterise import Rasteriser
 from phys4dgen.scene import Scene
@@ -86,6 +87,8 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress, *, over
         azimuth_deg=wanted.azimuth_deg,
     )
     gaussians = asset.gaussians
+    background = _BACKGROUNDS[wanted.background]
+    ground = _ground(asset, motion, lower, upper)
 
     def frames() -> Iterator[FilmFrame]:
         deformer, tracker, rasteriser = Deformer(gaussians), AxisTracker(gaussians), _rasteriser()
@@ -99,9 +102,13 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress, *, over
                 sh=gaussians.sh if overlay is None else None,
                 colors=None if overlay is None else overlay.colors(positions, gradients),
                 sh_rotations=rotations if overlay is None else None,
-                background=_BACKGROUNDS[wanted.background],
+                background=background,
             )
-            image = np.rint(np.clip(picture.rgb, 0, 1) * 255).astype(np.uint8)
+            rgb = picture.rgb
+            if ground is not None:
+                darkness = ground.darkness(positions, covariances6, gaussians.opacities)
+                rgb = ground.composite(picture, darkness, camera=cameras[k], background=background)
+            image = np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
             if overlay is not None:
                 image = overlay.annotate(image, float(motion.times_s[k]), positions, cameras[k])
             yield FilmFrame(k, image, positions, rotations, partial(tracker.advance, gradients))
@@ -114,6 +121,15 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress, *, over
 def _rasteriser() -> Rasteriser | GsplatRasteriser:
     """The CUDA kernels of gsplat where there is a device for them, else ours."""
     return GsplatRasteriser() if gsplat_is_ready() else Rasteriser()
+
+
+def _ground(asset: Asset, motion: Motion, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> ShadowPlane | None:
+    """What the object's shadow falls on, where there is a ground."""
+    height_m = motion.facts.ground_height_m
+    if height_m is None:
+        return None
+    height = height_m / asset.frame.metres_per_unit
+    return ShadowPlane(lower=lower, upper=upper, height=height, rotation=asset.frame.rotation)
 
 
 def _swept_box(asset: Asset, motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -35,6 +35,7 @@ class MotionFacts:
         why: how the preset came about, where it was left open.
         gravity: rest, on or off.
         ground_below_m: from the lowest point at rest down to the ground, None without ground.
+        ground_height_m: of the ground along up, metres in the input's origin, None without ground.
         rigid: parts that do not deform.
         touching_particles: free particles that are near held ones without having grown together with them.
         wind_up: direction of the gust, axes with z up.
@@ -54,6 +55,7 @@ class MotionFacts:
     why: str = ""
     gravity: str = "rest"
     ground_below_m: float | None = None
+    ground_height_m: float | None = None
     rigid: list[RigidPart] = field(default_factory=list)
     touching_particles: int = 0
     wind_up: list[float] | None = None

@@ -277,6 +277,8 @@ def _finish(given: _Given, prepared: _Prepared, probe: ProbeResult | None, *, wh
     ground = _ground_options(scene, preset)
     if ground is not None:
         facts.ground_below_m = _ground_below_m(scene, asset, preset, ground)
+    if settings.ground is not None:
+        facts.ground_height_m = settings.ground.height_m
     if why:
         progress.note(f"Motion: {why}.")
     forces = _forces(given)
