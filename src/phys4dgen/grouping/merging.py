@@ -114,7 +114,7 @@ def merge_tree(graph: PatchGraph, *, weights: CostWeights = CostWeights()) -> Me
 def grow_from_seeds(
     graph: PatchGraph, seeds: NDArray[np.intp], *, weights: CostWeights = CostWeights()
 ) -> NDArray[np.int64]:
-    """Part of every patch where some are known: merging as ever, but never of two different parts; shape [S].
+    """Part of every patch where some are known: merging as ever, but never of two known ones; shape [S].
 
     Args:
         graph: S patches.
@@ -122,16 +122,12 @@ def grow_from_seeds(
         weights: of the cost.
     """
     regions = _Regions(graph, weights)
-    regions.owner[:] = seeds
+    known = np.flatnonzero(seeds >= 0)
+    regions.seed[known] = np.arange(len(known))  # two seeds of one part stay apart as well: they may look different
     label = np.arange(len(graph))
-    for part in np.unique(seeds[seeds >= 0]):
-        first, *others = np.flatnonzero(seeds == part)
-        for other in others:
-            regions.join(int(first), int(other))
-            label[label == other] = first
-    for kept, absorbed, _ in _agglomerate_all(regions, until=int(seeds.max()) + 1):
+    for kept, absorbed, _ in _agglomerate_all(regions, until=len(known)):
         label[label == absorbed] = kept
-    return regions.owner[label]
+    return seeds[known][regions.seed[label]].astype(np.int64)
 
 
 class _Regions:
@@ -144,7 +140,7 @@ class _Regions:
         self.spread = graph.spread.copy()
         self.area = graph.area.copy()
         self.alive = np.ones(count, np.bool_)
-        self.owner = np.full(count, -1, np.int64)  # the part that a region is known to belong to
+        self.seed = np.full(count, -1, np.int64)  # number of the seed that a region has grown from
         self.border, self.contrast, self.crease = (np.zeros((count, count)) for _ in range(3))
         i, j = graph.touching.T
         contrast = np.linalg.norm(self.feature[i] - self.feature[j], axis=1)
@@ -179,7 +175,7 @@ class _Regions:
         self.spread[i] = np.sqrt((1 - share) * self.spread[i] ** 2 + share * self.spread[j] ** 2)
         self.area[i] = total
         self.alive[j] = False
-        self.owner[i] = max(self.owner[i], self.owner[j])
+        self.seed[i] = max(self.seed[i], self.seed[j])
         for table in (self.border, self.contrast, self.crease):
             table[i] += table[j]
             table[i, i] = 0
@@ -188,8 +184,8 @@ class _Regions:
     def _allowed(self, cost: NDArray[np.float64], i: int) -> NDArray[np.float64]:
         cost[~self.alive] = np.inf
         cost[i] = np.inf
-        if self.owner[i] >= 0:
-            cost[(self.owner >= 0) & (self.owner != self.owner[i])] = np.inf
+        if self.seed[i] >= 0:
+            cost[self.seed >= 0] = np.inf
         return cost
 
 
