@@ -57,6 +57,7 @@ def main() -> None:
     _report_swing("top", times, (positions - rest)[:, top].mean(1), options.run)
     # Where the top is stiff (the upright blades of a palm), what is seen to swing is elsewhere.
     _report_swing("what swings far", times, _weighted(positions, rest, largest**2 * moving), options.run)
+    _report_tips(times, positions, rest, moving & (gaussians.opacities > 0.3), 0.04 * height, options.run)
     unit = float(cameras["metres_per_unit"])
     spacing = float(continuum["spacing_m"]) / unit
     _report_edges("Gaussians", rest, groups["labels"], positions, spacing, visible=gaussians.opacities > 0.1)
@@ -81,16 +82,43 @@ def _weighted(positions, rest, weights):
     return np.stack([weights @ (frame - rest).astype(np.float64) for frame in positions]) / weights.sum()
 
 
-def _report_swing(what: str, times, mean, run: Path) -> None:
-    """Frequency and damping ratio of a mean displacement [T, 3] after the gust, along its main direction."""
+def _swing(times, mean, run: Path) -> tuple[float, float, float]:
+    """Frequency, damping ratio and RMS of a mean displacement [T, 3] after the gust, along its main direction."""
     facts = json.loads((run / "motion.json").read_text("utf-8"))
     mean = mean.astype(np.float64)
     _, _, axes = np.linalg.svd(mean - mean.mean(0), full_matrices=False)
-    after = times > facts["gust_s"]
-    signal = (mean @ axes[0])[after]
-    frequency, ratio = damped_frequency(signal, times[1] - times[0])
-    span_s = times[after][-1] - times[after][0]
-    print(f"{what}: {frequency:.2f} Hz, damping ratio {ratio:.3f} (fitted over {span_s:.1f} s)")
+    signal = (mean @ axes[0])[times > facts["gust_s"]]
+    return *damped_frequency(signal, times[1] - times[0]), float(signal.std())
+
+
+def _report_swing(what: str, times, mean, run: Path) -> None:
+    frequency, ratio, _ = _swing(times, mean, run)
+    print(f"{what}: {frequency:.2f} Hz, damping ratio {ratio:.3f}")
+
+
+def _report_tips(times, positions, rest, chosen, side: float, run: Path) -> None:
+    """The liveliest small places, each by itself: the mean of leaves that swing at several frequencies dies out early.
+
+    Places are cubes of ``side``; the 30 with the largest motion after the gust are fitted.
+    """
+    facts = json.loads((run / "motion.json").read_text("utf-8"))
+    places = np.floor(rest[chosen] / side).astype(np.int64)
+    _, number, counts = np.unique(places, axis=0, return_inverse=True, return_counts=True)
+    number = number.ravel()
+    means = np.stack(
+        [
+            np.stack([np.bincount(number, (frame - rest)[chosen][:, axis]) for axis in range(3)], 1) / counts[:, None]
+            for frame in positions
+        ]
+    )
+    motion = means[times > facts["gust_s"]].std(0)
+    motion = np.where(counts >= 10, np.linalg.norm(motion, axis=1), 0)
+    fits = np.array([_swing(times, means[:, place], run)[:2] for place in np.argsort(-motion)[:30]])
+    low, middle, high = np.percentile(fits, [25, 50, 75], axis=0)
+    print(
+        f"30 liveliest tips, each fitted by itself: {middle[0]:.2f} Hz ({low[0]:.2f}-{high[0]:.2f}), "
+        f"damping ratio {middle[1]:.3f} ({low[1]:.3f}-{high[1]:.3f}); median and quartiles"
+    )
 
 
 def _report_edges(what: str, rest, labels, positions, spacing: float, *, visible) -> None:

@@ -45,20 +45,25 @@ class PlainProgress:
         self._stream = stream
         self._stage: str | None = None
         self._began = self._last_line = time.monotonic()
+        self._work, self._work_began, self._last_update = "", self._began, self._began
 
     def stage(self, name: str) -> None:
         """Say how long the last stage took and which one begins."""
         self.close()
         self._stage = name
         self._began = self._last_line = time.monotonic()
+        self._work, self._work_began, self._last_update = "", self._began, self._began
         self._say(f"{name} ...")
 
     def update(self, done: float, total: float, text: str = "") -> None:
         """Say how far the stage is, if it has been silent for long."""
         now = time.monotonic()
+        if text != self._work:  # another kind of work in the same stage: its time left is its own
+            self._work, self._work_began = text, self._last_update
+        self._last_update = now
         if now - self._last_line >= _SECONDS_BETWEEN_LINES and total > 0:
             self._last_line = now
-            left = (now - self._began) * (total - done) / done if done > 0 else float("nan")
+            left = (now - self._work_began) * (total - done) / done if done > 0 else float("nan")
             rest = f", about {left:.0f} s left" if left == left else ""
             self._say(f"  {100 * done / total:.0f} % {text}".rstrip() + rest)
 
