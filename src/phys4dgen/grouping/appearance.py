@@ -9,6 +9,7 @@ number of parts, a file of labels or a real segmenter is the answer there.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from phys4dgen.errors import StageError
 from phys4dgen.grouping.attach import attach, number_from_the_ground
@@ -78,7 +79,7 @@ def group_by_appearance(
     progress.update(steps - 2, steps, "views and steps")
     tree = merge_tree(patch_graph(patches, len(gaussians)))
     progress.update(steps - 1, steps, "views and steps")
-    result = parts_from_tree(tree, gaussians, frame, parts=parts)
+    result = replace(parts_from_tree(tree, gaussians, frame, parts=parts), visible=surface.seen.any(1))
     progress.update(steps, steps, "views and steps")
     return result, tree
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,7 +39,7 @@ def merge_parts(parts: Parts, names: Sequence[str]) -> Parts:
     renumbered[kept] = np.arange(len(kept), dtype=np.int32)
     renumbered[list(gone)] = renumbered[target]
     new_names = tuple(names[0] if number == target else parts.names[number] for number in kept)
-    return Parts(renumbered[parts.labels], new_names, parts.backend)
+    return replace(parts, labels=renumbered[parts.labels], names=new_names)
 
 
 def rename_part(parts: Parts, name: str, to: str) -> Parts:
@@ -51,7 +52,7 @@ def rename_part(parts: Parts, name: str, to: str) -> Parts:
     if to in parts.names and to != name:
         raise StageError(f"grouping.edits: '{name}' cannot be called '{to}', which another part is called already.")
     names = tuple(to if i == number else old for i, old in enumerate(parts.names))
-    return Parts(parts.labels, names, parts.backend)
+    return replace(parts, names=names)
 
 
 def _number(parts: Parts, name: str) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +86,7 @@ def rename_parts(parts: Parts, names: Mapping[int, str]) -> Parts:
     twice = [name for name in renamed if renamed.count(name) > 1]
     if twice:
         raise StageError(f"grouping.names: every part needs its own name, but two would be called '{twice[0]}'.")
-    return Parts(labels=parts.labels, names=renamed, backend=parts.backend)
+    return replace(parts, names=renamed)
 
 
 def _names(path: Path, given: NDArray[Any] | None, values: NDArray[Any]) -> tuple[str, ...]:

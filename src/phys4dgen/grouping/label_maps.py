@@ -1,12 +1,12 @@
-"""Label maps of views that a user brings, from any segmentation program (``grouping.masks``).
+"""Label maps of views that a user brings, from any segmentation program (``grouping.labels_file``).
 
 Two forms are read:
 
 - a folder with one picture per view and ``cameras.json``, as the ``views`` folder of a run: ``NAME_parts.png``,
   ``NAME.png`` or ``NAME.npy`` for the camera called NAME. In a PNG 0 abstains and k is part k - 1, as in the part maps
   that a run writes; in a .npy file -1 abstains and parts count from 0. Views without a file are left out.
-- a ``.npz`` file with ``masks`` [V, H, W] (-1 abstains) and either ``viewmats`` [V, 4, 4] and ``Ks`` [V, 3, 3], or
-  ``cameras.json`` in the same folder, or as many maps as the run has views. It may hold ``names`` of the parts.
+- a ``.npz`` file with ``masks`` [V, H, W] (-1 abstains) and either ``viewmats`` [V, 4, 4] and ``Ks`` [V, 3, 3], or as
+  many maps as the run has views. It may hold ``names`` of the parts.
 
 Cameras are OpenCV, in the input's coordinates (docs/conventions.md).
 """
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 import warnings
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +29,7 @@ from phys4dgen.errors import FormatError
 from phys4dgen.grouping.npy_files import read_npy, read_npz
 from phys4dgen.types import Camera, Masks
 
-__all__ = ["LabelMaps", "read_label_maps"]
+__all__ = ["LabelMaps", "holds_label_maps", "read_label_maps"]
 
 _MAX_VIEWS = 1000
 _MAX_PIXELS = 1 << 27
@@ -53,6 +54,18 @@ class LabelMaps:
     cameras: tuple[Camera, ...]
     numbers: NDArray[np.int64]
     names: tuple[str, ...] | None
+
+
+def holds_label_maps(path: Path | str) -> bool:
+    """Whether ``read_label_maps`` is the reader of a labels file: a folder, or an archive with ``masks``."""
+    path = Path(path)
+    if path.is_dir():
+        return True
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return "masks.npy" in archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return False
 
 
 def read_label_maps(path: Path | str, *, cameras: Sequence[Camera] = ()) -> LabelMaps:
@@ -141,8 +154,6 @@ def _read_archive(path: Path, cameras: Sequence[Camera]) -> tuple[NDArray[Any], 
                 f"{viewmats.shape} and {intrinsics.shape}."
             )
         cameras = [_camera(path, *pair, width, height) for pair in zip(viewmats, intrinsics, strict=True)]
-    elif (path.parent / "cameras.json").is_file():
-        cameras = list(_read_cameras(path.parent / "cameras.json").values())
     if len(cameras) != count:
         raise FormatError(f"{path}: {count} masks need as many cameras, got {len(cameras)}; add viewmats and Ks.")
     return masks, [_resized(path, camera, width, height) for camera in cameras], arrays.get("names")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,4 +126,4 @@ def _with_pieces(
     labels = parts.labels.astype(np.int64)
     labels[rows] = parts.count + piece
     numbered, old = number_from_the_ground(labels, gaussians, frame)
-    return Parts(labels=numbered, names=tuple(all_names[number] for number in old), backend=parts.backend)
+    return replace(parts, labels=numbered, names=tuple(all_names[number] for number in old))

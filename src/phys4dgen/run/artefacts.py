@@ -62,25 +62,23 @@ def write_part_maps(run: RunFolder, masks: Masks) -> None:
         )
 
 
-def write_groups(run: RunFolder, parts: Parts, *, votes: NDArray[Any] | None = None, visible: Any = None) -> None:
-    """Write ``groups.npz``.
-
-    Args:
-        run: the folder.
-        parts: label of every Gaussian, and names.
-        votes: votes per Gaussian and part, shape [N, G], where the grouping took votes over views.
-        visible: seen in at least one view, shape [N], bool, where views were used.
-    """
+def write_groups(run: RunFolder, parts: Parts) -> None:
+    """Write ``groups.npz``; ``votes`` and ``visible`` where the grouping has them."""
     arrays = {"labels": parts.labels, "names": np.array(parts.names), "backend": np.array(parts.backend)}
-    optional = {"votes": votes, "visible": visible}
+    optional = {"votes": parts.votes, "visible": parts.visible}
     run.write_npz(run.groups_npz, {**arrays, **{name: array for name, array in optional.items() if array is not None}})
 
 
 def read_groups(run: RunFolder) -> Parts:
     """Read ``groups.npz`` back."""
     with np.load(run.groups_npz, allow_pickle=False) as arrays:
-        backend = str(arrays["backend"]) if "backend" in arrays else "file"
-        return Parts(arrays["labels"], tuple(str(name) for name in arrays["names"]), backend)
+        return Parts(
+            arrays["labels"],
+            tuple(str(name) for name in arrays["names"]),
+            str(arrays["backend"]) if "backend" in arrays else "file",
+            votes=arrays.get("votes"),
+            visible=arrays.get("visible"),
+        )
 
 
 def write_interior(run: RunFolder, interior: Interior, *, settled: Continuum) -> None:

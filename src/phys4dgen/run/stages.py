@@ -188,11 +188,14 @@ def stages_until(name: str | None) -> tuple[str, ...]:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a file's content.
+    """SHA-256 of a file's content, or of the names and contents of the files of a folder.
 
     Raises:
         RunError: the file cannot be read.
     """
+    if path.is_dir():
+        files = [file for file in sorted(path.iterdir()) if file.is_file()]
+        return hashlib.sha256("".join(f"{file.name} {file_digest(file)}\n" for file in files).encode()).hexdigest()
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -160,7 +160,9 @@ class Grouping(_Section):
     parts: Auto | Annotated[int, Field(ge=1, le=256)] = "auto"
     """number of parts for appearance; auto: as many as the colours say"""
     labels_file: FilePath | None = None
-    """.npy or .npz with one whole number per Gaussian, in the input's order"""
+    """.npy or .npz with one whole number per Gaussian, in the input's order; or label maps of views: .npz or folder"""
+    occlusion_threshold_rel: Annotated[float, Field(gt=0, le=1)] = 0.05
+    """for label maps: how far a Gaussian may lie from the rendered depth and count as visible, of the longest side"""
     names: dict[Annotated[int, Field(ge=0, le=255)], PartName] = Field(default_factory=dict)
     """names by part number (numbered from the ground up), instead of part_0, part_1 ..."""
     edits: Annotated[tuple[PartEdit, ...], BeforeValidator(_tuple)] = ()

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
+
 from phys4dgen.grouping.appearance import group_by_appearance
 from phys4dgen.grouping.edits import edited_parts
 from phys4dgen.grouping.from_file import parts_from_file, rename_parts, single_part
+from phys4dgen.grouping.label_maps import holds_label_maps, read_label_maps
+from phys4dgen.grouping.lift import lift, parts_from_maps
 from phys4dgen.progress import Progress
+from phys4dgen.render.views import render_views
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.views import rendered
@@ -17,7 +24,9 @@ __all__ = ["group"]
 def group(scene: Scene, asset: Asset, views: Views, progress: Progress) -> Parts:
     """Divide the Gaussians into parts (Paper: Sec. 3.2)."""
     wanted = scene.grouping
-    if wanted.labels_file is not None:
+    if wanted.labels_file is not None and holds_label_maps(wanted.labels_file):
+        parts = _lifted(scene, wanted.labels_file, asset, views)
+    elif wanted.labels_file is not None:
         parts = parts_from_file(wanted.labels_file, len(asset.gaussians))
     elif wanted.backend == "none":
         parts = single_part(len(asset.gaussians))
@@ -35,6 +44,23 @@ def group(scene: Scene, asset: Asset, views: Views, progress: Progress) -> Parts
         parts = edited_parts(parts, edit)
     progress.note(f"{parts.count} parts by {parts.backend}: {', '.join(parts.names)}.")
     return parts
+
+
+def _lifted(scene: Scene, path: Path, asset: Asset, views: Views) -> Parts:
+    """Parts from label maps that the user brings; depth is rendered again where their cameras are not the run's."""
+    maps = read_label_maps(path, cameras=views.cameras)
+    same = len(maps.cameras) == len(views) and all(
+        (a.width, a.height) == (b.width, b.height) and np.array_equal(a.viewmat, b.viewmat) and np.array_equal(a.K, b.K)
+        for a, b in zip(maps.cameras, views.cameras, strict=True)
+    )
+    lifted = lift(
+        asset.gaussians,
+        maps.masks,
+        cameras=maps.cameras,
+        depth=views.depth if same else render_views(asset.gaussians, maps.cameras).depth,
+        occlusion_threshold_rel=scene.grouping.occlusion_threshold_rel,
+    )
+    return parts_from_maps(maps, lifted)
 
 
 def _object_views(scene: Scene, asset: Asset, views: Views, progress: Progress) -> Views:
