@@ -70,23 +70,27 @@ def test_rigid_parts_that_touch_are_one_body_and_those_apart_are_two():
     points, box = _scene(head, handle, nail)
     none = np.zeros(len(points), bool)
     body, stuck = rigid_bodies(points, box, rigid_parts=[0, 1, 2], held=none, cell_m=CELL_M)
-    assert stuck == ()
+    assert not stuck.any()
     assert len(np.unique(body[box < 2])) == 1
     assert set(np.unique(body)) == {0, 1}
     alone, _ = rigid_bodies(points, box, rigid_parts=[2], held=none, cell_m=CELL_M)
     np.testing.assert_array_equal(alone, np.where(box == 2, 0, -1))
 
 
-def test_the_pieces_of_a_rigid_part_are_one_body():
-    points, _ = _scene(((0.0, 0, 0), (0.01, 0.01, 0.01)), ((0.1, 0, 0), (0.11, 0.01, 0.01)))
-    part = np.zeros(len(points), np.int32)
-    body, _ = rigid_bodies(points, part, rigid_parts=[0], held=np.zeros(len(points), bool), cell_m=CELL_M)
-    assert (body == 0).all()
+def test_torn_pieces_of_a_rigid_part_are_one_body_and_far_lumps_are_not():
+    first = ((0.0, 0, 0), (0.01, 0.01, 0.01))
+    for gap_cells, bodies in ((1.5, 1), (10.0, 2)):
+        x = 0.01 + gap_cells * CELL_M
+        points, box = _scene(first, ((x, 0, 0), (x + 0.01, 0.01, 0.01)))
+        part, none = np.zeros(len(points), np.int32), np.zeros(len(points), bool)
+        body, _ = rigid_bodies(points, part, rigid_parts=[0], held=none, cell_m=CELL_M)
+        assert len(np.unique(body)) == bodies
+        assert all(len(np.unique(body[box == number])) == 1 for number in (0, 1))
 
 
 def test_a_rigid_part_that_touches_what_is_held_is_held():
     trunk, stone = STEM, ((0.1, 0.0, 0.0), (0.11, 0.01, 0.01))
     points, box = _scene(POT, trunk, stone)
     body, stuck = rigid_bodies(points, box, rigid_parts=[1, 2], held=box == 0, cell_m=CELL_M)
-    assert stuck == (1,)
+    np.testing.assert_array_equal(stuck, box == 1)
     np.testing.assert_array_equal(body, np.where(box == 2, 0, -1))

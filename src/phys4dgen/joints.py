@@ -24,6 +24,9 @@ _REACH_CELLS = 2.5
 _LINK_CELLS = 0.9
 """Neighbours in one piece stand half a cell apart, somewhat more in sheets and over bridges."""
 
+_SCATTER_CELLS = 3.0
+"""Pieces of a rigid part that a capture has torn lie closer than this; lumps farther apart (coals) are bodies apart."""
+
 _TOUCH_CELLS = 1.0
 _ONWARD_CELLS = 5.0
 _ROOT_COSINE = 0.5
@@ -98,42 +101,50 @@ def rigid_bodies(
     rigid_parts: Iterable[int],
     held: NDArray[np.bool_],
     cell_m: float,
-) -> tuple[NDArray[np.int32], tuple[int, ...]]:
-    """Rigid parts as bodies: those that touch are one, and those that touch something held are held.
+) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """Rigid parts as bodies: lumps that touch are one, and those that touch something held are held.
 
     Args:
         positions_m: at rest, [P, 3].
         part: part number of each particle, [P].
-        rigid_parts: parts that do not deform; the pieces of a part are one body.
+        rigid_parts: parts that do not deform.
         held: particles that do not move, [P].
         cell_m: grid cell dx, m.
 
     Returns:
-        Body of each particle, -1 where it is not rigid or is held, [P]; and the rigid parts that are held.
+        Body of each particle, -1 where it is not rigid or is held, [P]; and the rigid particles that are held, [P].
     """
-    numbers = sorted(set(rigid_parts))
-    body = np.full(len(part), -1, np.int32)
-    if not numbers:
-        return body, ()
+    body, stuck = np.full(len(part), -1, np.int32), np.zeros(len(part), np.bool_)
+    rigid = np.flatnonzero(np.isin(part, list(rigid_parts)) & ~held)
+    if len(rigid) == 0:
+        return body, stuck
     # Node 0 stands for all that is held.
     member = np.zeros(len(part), np.int64)
-    for node, number in enumerate(numbers, start=1):
-        member[(part == number) & ~held] = node
+    member[rigid] = 1 + _lumps(positions_m[rigid], part[rigid], _SCATTER_CELLS * cell_m)
     chosen = np.flatnonzero((member > 0) | held)
     pairs = KDTree(positions_m[chosen]).query_pairs(_TOUCH_CELLS * cell_m, output_type="ndarray")
     a, b = member[chosen[pairs[:, 0]]], member[chosen[pairs[:, 1]]]
-    count = len(numbers) + 1
-    touching = sparse.coo_matrix((np.ones(len(pairs)), (a, b)), shape=(count, count)).toarray()
-    touching += touching.T
-    _, joined = connected_components(touching >= _JOINT_PAIRS, directed=False)
-    fixed = joined == joined[0] if held.any() else np.zeros(count, np.bool_)
-    _, names = np.unique(joined[1:], return_inverse=True)
-    for node, number in enumerate(numbers, start=1):
-        if not fixed[node]:
-            body[(part == number) & ~held] = names[node - 1]
-    used = np.unique(body[body >= 0])
-    body[body >= 0] = np.searchsorted(used, body[body >= 0])
-    return body, tuple(number for node, number in enumerate(numbers, start=1) if fixed[node])
+    count = int(member.max()) + 1
+    touching = sparse.coo_matrix((np.ones(len(pairs)), (a, b)), shape=(count, count)).tocsr()
+    touching = touching + touching.T
+    touching.data[touching.data < _JOINT_PAIRS] = 0
+    touching.eliminate_zeros()
+    _, joined = connected_components(touching, directed=False)
+    if held.any():
+        stuck[rigid] = joined[member[rigid]] == joined[0]
+    free = rigid[~stuck[rigid]]
+    body[free] = np.unique(joined[member[free]], return_inverse=True)[1]
+    return body, stuck
+
+
+def _lumps(points: NDArray[np.float64], part: NDArray[np.int32], reach: float) -> NDArray[np.int64]:
+    """Number of the lump of each point: what lies within about ``reach`` of each other in one part.
+
+    Points are gathered into cubes of half the reach first; all pairs within several cells would be too many.
+    """
+    cubes = np.column_stack([part, np.floor(points / (0.5 * reach))]).astype(np.int64)
+    places, cube = np.unique(cubes, axis=0, return_inverse=True)
+    return _connected(places[:, 1:].astype(np.float64), 2.0, places[:, 0])[cube.ravel()].astype(np.int64)
 
 
 def _wholes(points: NDArray[np.float64], piece: NDArray[np.int64], reach: float) -> NDArray[np.int32]:

@@ -16,12 +16,12 @@ class RigidPart:
 
     Attributes:
         part: name.
-        body: parts with the same number move as one; None where it is held, since it touches what is held.
+        bodies: that its lumps belong to; lumps of one number move as one; empty where it touches what is held.
         reason: one sentence.
     """
 
     part: str
-    body: int | None
+    bodies: tuple[int, ...]
     reason: str
 
 

@@ -144,7 +144,7 @@ def _prepare(given: _Given, preset: str) -> _Prepared:
         body_of, stuck = rigid_bodies(
             rest_m, continuum.part, rigid_parts=reasons, held=held.particles, cell_m=asset.cell_m
         )
-        clamped = _with_parts(held, continuum, parts, stuck)
+        clamped = _with_stuck(held, continuum, parts, stuck)
         assembly = _assembled(given, clamped, body_of)
         settings = _settings(given, preset, clamped, assembly.body)
         stiff = [part for part in stiff_parts(assembly.body, settings) if part.part not in reasons]
@@ -158,19 +158,21 @@ def _prepare(given: _Given, preset: str) -> _Prepared:
     for number, reason in sorted(reasons.items()):
         own = body_of[continuum.part == number]
         moving = own[own >= 0]
-        rigid.append(RigidPart(parts.names[number], int(moving[0]) if len(moving) else None, reason))
+        rigid.append(RigidPart(parts.names[number], tuple(np.unique(moving).tolist()), reason))
     return _Prepared(preset, clamped, tuple(rigid), assembly, settings)
 
 
-def _with_parts(held: Held, continuum: Continuum, parts: Parts, stuck: tuple[int, ...]) -> Held:
-    """What is held, and the rigid parts that touch it."""
-    if not stuck:
+def _with_stuck(held: Held, continuum: Continuum, parts: Parts, stuck: NDArray[np.bool_]) -> Held:
+    """What is held, and the rigid lumps that touch it."""
+    if not stuck.any():
         return held
-    names = tuple(parts.names[number] for number in stuck)
+    particles = held.particles | stuck
+    touched = [parts.names[number] for number in np.unique(continuum.part[stuck])]
+    whole = [name for number, name in enumerate(parts.names) if particles[continuum.part == number].all()]
     return Held(
-        held.particles | np.isin(continuum.part, stuck),
-        tuple(name for name in parts.names if name in (*held.parts, *names)),
-        f"{held.reason}; {', '.join(names)}: does not deform and touches what is held",
+        particles,
+        tuple(name for name in parts.names if name in held.parts or (name in touched and name in whole)),
+        f"{held.reason}; {', '.join(touched)}: does not deform and touches what is held",
     )
 
 
