@@ -16,10 +16,10 @@ from phys4dgen.render.views import render_views
 from phys4dgen.run.generate import generate
 from phys4dgen.scene import Scene, load_scene
 from phys4dgen.stages.asset import load
-from phys4dgen.stages.reconstruct import reconstruct
 from phys4dgen.stages.film import film
 from phys4dgen.stages.motion import Motion
 from phys4dgen.stages.motion_facts import MotionFacts
+from phys4dgen.stages.reconstruct import reconstruct
 from phys4dgen.types import Frame, Gaussians, Parts, rotation_to_z_up
 from phys4dgen.yaml12 import read_yaml
 from phys4dgen.zoo.flower_shapes import WALL_M

@@ -1,0 +1,38 @@
+"""The how-tos of docs/howto work by copying their commands."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from phys4dgen.formats import save_gaussians
+from phys4dgen.zoo.potted_flower import potted_flower
+
+HOWTOS = sorted((Path(__file__).parents[1] / "docs" / "howto").glob("*.md"))
+
+
+def commands(page):
+    """Lines that start with ``$`` in the console blocks of a page."""
+    blocks = re.findall(r"```console\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    return [line[2:] for block in blocks for line in block.splitlines() if line.startswith("$ ")]
+
+
+def test_there_are_six_pages_with_commands():
+    assert len(HOWTOS) >= 6
+    assert all(commands(page) for page in HOWTOS)
+
+
+@pytest.mark.parametrize("page", HOWTOS, ids=lambda page: page.stem)
+def test_the_commands_of_a_page_work(page, tmp_path):
+    lines = commands(page)
+    if any("plant.ply" in line for line in lines):
+        save_gaussians(potted_flower().gaussians, tmp_path / "plant.ply")
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    there = {"cwd": tmp_path, "env": {**os.environ, "PATH": path}}
+    for line in lines:
+        done = subprocess.run(shlex.split(line), **there, capture_output=True, text=True, timeout=300, check=False)
+        assert done.returncode == 0, f"{line}\n{done.stderr[-2000:]}"
