@@ -57,9 +57,15 @@ def lattice(step: float) -> Array:
     return np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
 
 
-def occupancy(positions: Array, volumes: Array, shape: Shape) -> float:
-    """IoU on a grid of 32 cells a side: cells that particles fill by half, cells that the shape fills by half."""
-    step, fine = 2 / 32, 4
+def occupancy(positions: Array, volumes: Array, shape: Shape, *, spacing: float) -> float:
+    """IoU on a grid of 32 cells a side: cells that particles fill by half, cells that the shape fills by half.
+
+    A particle is a cube of side ``spacing``, not a point: a few of them to a cell would fill it by chance.
+    """
+    step, fine = 2 / 32, 8
+    corners = (np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), -1).reshape(-1, 3) - 1.5) / 4 * spacing
+    positions = (positions[:, None] + corners).reshape(-1, 3)
+    volumes = np.repeat(volumes / len(corners), len(corners))
     cell = np.clip(np.floor((positions + 1) / step).astype(int), 0, 31)
     filled = np.bincount(np.ravel_multi_index(tuple(cell.T), (32,) * 3), volumes, minlength=32**3) / step**3
     inside = (shape.distance(lattice(step / fine)) < 0).reshape(32, fine, 32, fine, 32, fine).mean((1, 3, 5)).ravel()
