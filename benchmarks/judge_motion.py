@@ -113,7 +113,9 @@ def _report_tips(times, positions, rest, chosen, side: float, run: Path) -> None
     )
     motion = means[times > facts["gust_s"]].std(0)
     motion = np.where(counts >= 10, np.linalg.norm(motion, axis=1), 0)
-    fits = np.array([_swing(times, means[:, place], run)[:2] for place in np.argsort(-motion)[:30]])
+    order = np.argsort(-motion)
+    _report_swing("the tip, where it swings farthest", times, means[:, order[0]], run)
+    fits = np.array([_swing(times, means[:, place], run)[:2] for place in order[:30]])
     low, middle, high = np.percentile(fits, [25, 50, 75], axis=0)
     print(
         f"30 liveliest tips, each fitted by itself: {middle[0]:.2f} Hz ({low[0]:.2f}-{high[0]:.2f}), "

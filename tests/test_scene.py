@@ -132,7 +132,7 @@ def test_overrides_replace_values_and_name_their_source():
     scene = Scene(input=Path("a.splat"))
     changed = scene.with_overrides({"simulation.grid": 96, "parts.pot.hold": "fixed", "grouping.names.0": "pot"})
     assert (changed.simulation.grid, changed.parts["pot"].hold, changed.grouping.names) == (96, "fixed", {0: "pot"})
-    assert scene.simulation.grid == 64
+    assert scene.simulation.grid == "auto"
     with pytest.raises(SceneError, match=r"^--grid: simulation\.grid: expected a number of at most 512, got 9999\.$"):
         scene.with_overrides({"simulation.grid": 9999}, sources={"simulation.grid": "--grid"})
     with pytest.raises(SceneError, match="what stands before the dot is one value"):

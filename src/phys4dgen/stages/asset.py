@@ -12,6 +12,7 @@ from phys4dgen.progress import Progress
 from phys4dgen.reconstruct.reconstruction import Solid
 from phys4dgen.scene import Scene
 from phys4dgen.stages.reconstruct import Source
+from phys4dgen.stages.resolution import FINE_GRID, automatic_grid
 from phys4dgen.types import Frame, Gaussians, rotation_to_z_up
 from phys4dgen.types.upright import guess_up
 
@@ -36,6 +37,11 @@ class Asset:
     upper: NDArray[np.float64]
     cell: float
     solid: Solid | None = None
+
+    @property
+    def grid(self) -> int:
+        """Cells along the longest side."""
+        return round(float((self.upper - self.lower).max()) / self.cell)
 
     @property
     def cell_m(self) -> float:
@@ -63,7 +69,12 @@ def load(scene: Scene, source: Source, progress: Progress) -> Asset:
             progress.warn("The real size is not known: the object is taken to be 0.3 m tall; give --height-m.")
         metres_per_unit = (0.3 if isinstance(scene.height_m, str) else scene.height_m) / extent[2]
     frame = Frame(rotation, float(metres_per_unit))
-    return Asset(gaussians, frame, lower, upper, float(extent.max()) / scene.simulation.grid, source.solid)
+    grid = scene.simulation.grid
+    if isinstance(grid, str):
+        grid = automatic_grid(gaussians, rotation=rotation)
+        if grid < FINE_GRID:
+            progress.note(f"Grid of {grid} cells: filled finer, so massive an object would take very long (--grid N).")
+    return Asset(gaussians, frame, lower, upper, float(extent.max()) / grid, source.solid)
 
 
 def _up_vector(scene: Scene, source: Source, progress: Progress) -> NDArray[np.float64]:

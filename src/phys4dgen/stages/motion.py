@@ -90,7 +90,7 @@ def _tell_what_differs(
     if facts.welded_share > _WELDED_WARNING:
         progress.warn(
             f"{facts.welded_share:.0%} of the thin surfaces lie closer than two grid cells to another one and move as "
-            f"if glued to it; a finer grid (--grid {2 * scene.simulation.grid}) frees them."
+            f"if glued to it; a finer grid (--grid {2 * asset.grid}) frees them."
         )
     facts.part_mass_g = _part_masses_g(parts, continuum, assembly)
     for warning in assembly.law_warnings:
