@@ -38,7 +38,7 @@ def test_an_open_underside_does_not_empty_the_estimate():
     points[:, 2] *= 1.2
     whole, open_below = shell(points), shell(points[points[:, 2] > -0.45])
     a, b = (estimated_particles(g, rotation=np.eye(3), grid=64) for g in (whole, open_below))
-    assert b == pytest.approx(a, rel=0.25)
+    assert b == pytest.approx(a * (1.2 / 1.05) ** 3, rel=0.15)  # the cut one is lower, so its cells are smaller
 
 
 def test_a_thin_thing_keeps_the_fine_grid():
