@@ -14,7 +14,8 @@ from phys4dgen.materials import read_materials
 from phys4dgen.run.artefacts import read_groups
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.generate import continue_run, generate, scene_of_run
-from phys4dgen.run.regroup import edit_named, regroup
+from phys4dgen.run.part_flags import edits_of_flags
+from phys4dgen.run.regroup import regroup
 from phys4dgen.scene import PartEdit, Scene, dump_scene, load_scene
 from phys4dgen.types import Parts
 
@@ -55,20 +56,42 @@ def test_rename_refuses_a_name_that_is_taken():
         ("rename", "pot", "OLD=NEW"),
         ("rename", "pot=soil", "called already"),
         ("rename", "pto=vase", "Did you mean 'pot'"),
+        ("rename", "pot=9", "--rename: to: expected a name of letters"),
+        ("split", "pto", "Did you mean 'pot'"),
+        ("split", "pot=two", "--split: expected NAME=K"),
+        ("split", "pot=1", "--split: pieces: expected a number of at least 2"),
+        ("seed", "pot@3,5", "--seed: expected NAME@VIEW,X,Y"),
+        ("seed", "pot", "--seed: expected NAME@VIEW,X,Y"),
     ],
 )
 def test_a_flag_that_makes_no_sense_is_one_sentence(kind, text, says):
     with pytest.raises(SceneError, match=says):
-        edit_named(kind, text, PARTS.names)
+        edits_of_flags([(kind, text)], PARTS.names, clicks=None)
 
 
 def test_edits_stand_in_scene_yaml(tmp_path):
-    edits = (PartEdit(merge=("a", "b")), PartEdit(rename="a", to="c"))
+    edits = (
+        PartEdit(merge=("a", "b")),
+        PartEdit(rename="a", to="c"),
+        PartEdit(split="c", pieces=2),
+        PartEdit(split="c_1", seeds={"d": ((0.5, 0.25, -1.0),)}),
+        PartEdit(seeds={"e": ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), "f": ((0.0, 1.0, 0.0),)}),
+    )
     scene = Scene(input=tmp_path / "a.ply").with_overrides({"grouping.edits": tuple(e.model_dump() for e in edits)})
     assert scene.grouping.edits == edits
     (tmp_path / "scene.yaml").write_text(dump_scene(scene))
     assert load_scene(tmp_path / "scene.yaml") == scene
-    for wrong in ("[{merge: [a]}]", "[{rename: a}]", "[{merge: [a, b], rename: a, to: b}]", "[{merge: [a, a]}]"):
+    for wrong in (
+        "[{merge: [a]}]",
+        "[{rename: a}]",
+        "[{merge: [a, b], rename: a, to: b}]",
+        "[{merge: [a, a]}]",
+        "[{split: a}]",
+        "[{pieces: 2}]",
+        "[{split: a, pieces: 2, seeds: {b: [[0, 0, 0]]}}]",
+        "[{split: a, seeds: {a: [[0, 0, 0]]}}]",
+        "[{seeds: {a: [[0, 0, 0]]}}]",
+    ):
         (tmp_path / "wrong.yaml").write_text(f"input: a.ply\ngrouping: {{edits: {wrong}}}\n")
         with pytest.raises(SceneError, match=r"wrong\.yaml line 2: grouping.edits.0"):
             load_scene(tmp_path / "wrong.yaml")

@@ -11,11 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from phys4dgen.grouping.merging import MergeTree
 from phys4dgen.progress import SILENT, Progress
 from phys4dgen.scene import Scene, check_part_names, refuse_impossible_part_names
 from phys4dgen.stages.asset import Asset, load
 from phys4dgen.stages.film import film
-from phys4dgen.stages.grouping import group
+from phys4dgen.stages.grouping import find_tree, group
 from phys4dgen.stages.interior import fill
 from phys4dgen.stages.materials import identify
 from phys4dgen.stages.motion import move
@@ -49,6 +50,13 @@ class Store(Protocol):
         """Keep the result of ``stage``; returns it, or what stands for it from now on."""
         ...
 
+    def keep_tree(self, make: Callable[[], MergeTree]) -> Callable[[], MergeTree]:
+        """Returns the merge tree of the object's surface, which is kept beside the parts.
+
+        ``make`` makes it when it is first needed and none is kept that still holds.
+        """
+        ...
+
     def place(self, name: str) -> Path:
         """A folder of that name in which a stage may keep what it was told from outside."""
         ...
@@ -72,7 +80,8 @@ def animate_scene(scene: Scene, store: Store, *, until: str = "render", progress
     views = stage("views", lambda: look(scene, asset, progress))
     if until == "views":
         return
-    parts = stage("grouping", lambda: group(scene, asset, views(), progress))
+    tree = store.keep_tree(lambda: find_tree(scene, asset, views(), progress))
+    parts = stage("grouping", lambda: group(scene, asset, views(), tree, progress))
     check_part_names(scene, parts().names)
     if until == "grouping":
         return

@@ -1,4 +1,4 @@
-"""``group RUN``: the parts of a run merged, renamed or found anew."""
+"""``group RUN``: the parts of a run merged, renamed, split, pointed at or found anew."""
 
 from __future__ import annotations
 
@@ -30,9 +30,18 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     for name, metavar, text in (
         ("--merge", "A,B", "these parts become one, under the first name"),
         ("--rename", "OLD=NEW", "another name for a part"),
+        ("--split", "NAME[=K]", "this part becomes K (2) by colour and shape, or those that --seed after it point at"),
     ):
         text += "; parts by name or number; may be repeated, in order"
         parser.add_argument(name, metavar=metavar, action=_InOrder, default=argparse.SUPPRESS, help=text)
+    parser.add_argument(
+        "--seed",
+        metavar="NAME@VIEW,X,Y",
+        action=_InOrder,
+        default=argparse.SUPPRESS,
+        help="a click: pixel X, Y (from the upper left) of RUN/views/VIEW_rgb.png, or of view number VIEW, shows the "
+        "part NAME; without --split there are then these parts and no others; may be repeated, several times a part",
+    )
     parser.add_argument("--undo", action="store_true", help="take the last edit back")
     parser.add_argument("--parts", metavar="N", help="find the parts anew, so many; earlier edits go")
 
@@ -41,7 +50,10 @@ def run(arguments: Arguments) -> int:
     """Edit the parts; later stages are redone by the next 'simulate RUN'."""
     options = arguments.options
     if sum((bool(options.edits), options.undo, options.parts is not None)) != 1:
-        raise SceneError("group: say what to do with --merge, --rename, --undo or --parts (one kind at a time).")
+        raise SceneError(
+            "group: say what to do with --merge, --rename, --split and --seed, or with --undo, or with --parts "
+            "(one kind at a time)."
+        )
 
     from phys4dgen.cli.working import work
     from phys4dgen.run.regroup import regroup

@@ -9,7 +9,6 @@ number of parts, a file of labels or a real segmenter is the answer there.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from phys4dgen.errors import StageError
 from phys4dgen.grouping.attach import attach, number_from_the_ground
@@ -24,7 +23,7 @@ from phys4dgen.render.cameras import view_cameras
 from phys4dgen.render.views import render_views
 from phys4dgen.types import Frame, Gaussians, Parts, Views
 
-__all__ = ["APPEARANCE_BACKEND", "group_by_appearance", "parts_from_seeds", "parts_from_tree"]
+__all__ = ["APPEARANCE_BACKEND", "appearance_tree", "group_by_appearance", "parts_from_seeds", "parts_from_tree"]
 
 APPEARANCE_BACKEND = "appearance (stand-in for SAM2)"
 
@@ -49,7 +48,7 @@ def group_by_appearance(
         gaussians: N static Gaussians.
         frame: which way is up.
         parts: number of parts wished for, 1 to 60; None decides by colour and shape.
-        views: rendered over white from all around, depth included; None renders the ``object`` views.
+        views: as for ``appearance_tree``.
         progress: told about every view and step.
 
     Returns:
@@ -58,15 +57,33 @@ def group_by_appearance(
     Raises:
         StageError: the number of parts is out of range, or nearly nothing of the object can be seen.
     """
-    progress = progress or SilentProgress()
     _check_count(parts)
+    tree = appearance_tree(gaussians, frame, views=views, progress=progress)
+    return parts_from_tree(tree, gaussians, frame, parts=parts), tree
+
+
+def appearance_tree(
+    gaussians: Gaussians, frame: Frame, *, views: Views | None = None, progress: Progress | None = None
+) -> MergeTree:
+    """How the visible surface of an object joins, patch by patch, into one.
+
+    Args:
+        gaussians: N static Gaussians.
+        frame: which way is up.
+        views: rendered over white from all around, depth included; None renders the ``object`` views.
+        progress: told about every view and step.
+
+    Raises:
+        StageError: nearly nothing of the object can be seen.
+    """
+    progress = progress or SilentProgress()
     if views is None:
         lower, upper = gaussians.robust_bounds(rotation=frame.rotation)
         cameras = view_cameras("object", lower=lower, upper=upper, rotation=frame.rotation, size_px=_VIEW_SIZE_PX)
-        steps = len(cameras) + 3
+        steps = len(cameras) + 2
         views = render_views(gaussians, cameras, on_view=lambda done: progress.update(done, steps, "views and steps"))
     else:
-        steps = 3
+        steps = 2
     radius = object_radius(gaussians)
     surface = surface_color(gaussians, views, tolerance=_DEPTH_TOLERANCE * radius)
     core = core_gaussians(gaussians, surface, radius)
@@ -76,12 +93,10 @@ def group_by_appearance(
             "visible surface; check the input with 'phys4dgen inspect', or use grouping.backend 'none'."
         )
     patches = supervoxels(gaussians, surface, core, radius=radius)
-    progress.update(steps - 2, steps, "views and steps")
-    tree = merge_tree(patch_graph(patches, len(gaussians)))
     progress.update(steps - 1, steps, "views and steps")
-    result = replace(parts_from_tree(tree, gaussians, frame, parts=parts), visible=surface.seen.any(1))
+    tree = merge_tree(patch_graph(patches, surface.seen.max(1)))
     progress.update(steps, steps, "views and steps")
-    return result, tree
+    return tree
 
 
 def parts_from_tree(tree: MergeTree, gaussians: Gaussians, frame: Frame, *, parts: int | None = None) -> Parts:
@@ -101,7 +116,8 @@ def parts_from_tree(tree: MergeTree, gaussians: Gaussians, frame: Frame, *, part
     _check_fit(tree.graph, gaussians)
     labels = attach(gaussians, tree.graph.patch, cut_tree(tree, parts), radius=object_radius(gaussians))
     numbered, old = number_from_the_ground(labels, gaussians, frame)
-    return Parts(labels=numbered, names=tuple(f"part_{i}" for i in range(len(old))), backend=APPEARANCE_BACKEND)
+    names = tuple(f"part_{i}" for i in range(len(old)))
+    return Parts(labels=numbered, names=names, backend=APPEARANCE_BACKEND, visible=tree.graph.visible)
 
 
 def parts_from_seeds(
@@ -113,7 +129,7 @@ def parts_from_seeds(
         graph: ``graph`` of the merge tree of the same Gaussians.
         gaussians: N static Gaussians.
         frame: which way is up.
-        seeds: by the name of each part, indices of one or more Gaussians of it (``clicks.gaussian_at``).
+        seeds: by the name of each part, indices of one or more Gaussians of it (``seeds.gaussian_at``).
 
     Raises:
         StageError: two parts are pointed at in one place, or the graph belongs to other Gaussians.
@@ -123,7 +139,12 @@ def parts_from_seeds(
     labels = attach(gaussians, graph.patch, grow_from_seeds(graph, known), radius=object_radius(gaussians))
     numbered, old = number_from_the_ground(labels, gaussians, frame)
     names = list(seeds)
-    return Parts(labels=numbered, names=tuple(names[number] for number in old), backend=APPEARANCE_BACKEND)
+    return Parts(
+        labels=numbered,
+        names=tuple(names[number] for number in old),
+        backend=APPEARANCE_BACKEND,
+        visible=graph.visible,
+    )
 
 
 def _check_fit(graph: PatchGraph, gaussians: Gaussians) -> None:

@@ -10,11 +10,11 @@ from scipy.sparse.csgraph import connected_components
 from phys4dgen.grouping.merging import MergeTree
 from phys4dgen.grouping.patch_graph import PatchGraph
 
-__all__ = ["MAX_PARTS", "cut_tree"]
+__all__ = ["LEVEL", "MAX_PARTS", "cut_tree"]
 
 MAX_PARTS = 60
 """No cut gives more parts than this."""
-_LEVEL = 15.5
+LEVEL = 15.5
 """Merges within a part cost less, merges of two parts more; docs/grouping.md says on which objects it was chosen."""
 _MIN_AREA = 0.004
 """A region smaller than this share of the surface is a crumb and joins the part nearest in colour."""
@@ -28,17 +28,18 @@ _FLECK_THINNESS = 11.0
 """Largest difference of weighted thinness between a fleck and the part it lies in."""
 
 
-def cut_tree(tree: MergeTree, parts: int | None = None) -> NDArray[np.int64]:
+def cut_tree(tree: MergeTree, parts: int | None = None, *, level: float = LEVEL) -> NDArray[np.int64]:
     """Part of every patch, numbered 0 .. G-1 in no particular order; shape [S].
 
     Args:
         tree: from ``merge_tree``.
         parts: number of parts wished for (fewer where the tree holds fewer); None decides by cost.
+        level: cost up to which regions join, where no number is given.
     """
     patch_count = len(tree.graph)
     if parts is None:
         running = np.maximum.accumulate(tree.cost)
-        regions = min(patch_count - int(np.searchsorted(running, _LEVEL)), MAX_PARTS)
+        regions = min(patch_count - int(np.searchsorted(running, level)), MAX_PARTS)
     else:
         regions = min(max(parts, 1), patch_count)
         while regions < min(MAX_PARTS, patch_count) and _large_regions(tree, regions) < parts:

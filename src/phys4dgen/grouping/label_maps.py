@@ -29,7 +29,7 @@ from phys4dgen.errors import FormatError
 from phys4dgen.grouping.npy_files import read_npy, read_npz
 from phys4dgen.types import Camera, Masks
 
-__all__ = ["LabelMaps", "holds_label_maps", "read_label_maps"]
+__all__ = ["LabelMaps", "holds_label_maps", "read_cameras", "read_label_maps"]
 
 _MAX_VIEWS = 1000
 _MAX_PIXELS = 1 << 27
@@ -116,7 +116,7 @@ def _read_folder(folder: Path) -> tuple[NDArray[np.int32], list[Camera]]:
     maps: list[NDArray[np.int32]] = []
     used: list[Camera] = []
     pixels = 0
-    for name, camera in _read_cameras(folder / "cameras.json").items():
+    for name, camera in read_cameras(folder / "cameras.json").items():
         found = [file for file in (folder / f"{name}{end}" for end in ("_parts.png", ".png", ".npy")) if file.is_file()]
         if not found:
             continue
@@ -159,8 +159,12 @@ def _read_archive(path: Path, cameras: Sequence[Camera]) -> tuple[NDArray[Any], 
     return masks, [_resized(path, camera, width, height) for camera in cameras], arrays.get("names")
 
 
-def _read_cameras(path: Path) -> dict[str, Camera]:
-    """The cameras of a ``cameras.json`` by name."""
+def read_cameras(path: Path) -> dict[str, Camera]:
+    """The cameras of a ``cameras.json`` by name, in its order.
+
+    Raises:
+        FormatError: it cannot be read, or holds no such cameras.
+    """
     try:
         if path.stat().st_size > _MAX_JSON_BYTES:
             raise FormatError(f"{path}: expected at most {_MAX_JSON_BYTES:,} bytes of cameras, got more.")

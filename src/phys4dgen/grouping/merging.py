@@ -81,7 +81,8 @@ def tree_from_arrays(arrays: Mapping[str, NDArray[Any]], gaussian_count: int) ->
     tree = MergeTree(graph, kept=arrays["kept"], absorbed=arrays["absorbed"], cost=arrays["cost"])
     count = len(graph)
     numbers_fit = (
-        graph.patch.shape == (gaussian_count,)
+        graph.patch.shape == graph.visible.shape == (gaussian_count,)
+        and graph.visible.dtype == np.bool_
         and graph.feature.shape == (count, 4)
         and graph.spread.shape == (count, 3)
         and graph.touching.ndim == 2

@@ -30,6 +30,7 @@ class PatchGraph:
 
     Attributes:
         patch: patch of every Gaussian that is visible surface, -1 elsewhere, shape [N].
+        visible: seen in at least one view, faint ones too, shape [N].
         area: share of the surface, shape [S].
         feature: mean colour (half the lightness, a and b freed of shading) and weighted thinness, shape [S, 4].
         spread: standard deviation of the colour, shape [S, 3].
@@ -39,6 +40,7 @@ class PatchGraph:
     """
 
     patch: NDArray[np.int32]
+    visible: NDArray[np.bool_]
     area: NDArray[np.float64]
     feature: NDArray[np.float64]
     spread: NDArray[np.float64]
@@ -56,6 +58,7 @@ class PatchGraph:
         inside = (number[self.touching] >= 0).all(1)
         return PatchGraph(
             patch=np.where(self.patch >= 0, number[self.patch], -1).astype(np.int32),
+            visible=self.visible,
             area=self.area[chosen] / self.area[chosen].sum(),
             feature=self.feature[chosen],
             spread=self.spread[chosen],
@@ -65,9 +68,14 @@ class PatchGraph:
         )
 
 
-def patch_graph(patches: Supervoxels, gaussian_count: int) -> PatchGraph:
-    """What merging needs to know of the patches of ``gaussian_count`` Gaussians."""
-    patch_of_gaussian = np.full(gaussian_count, -1, np.int32)
+def patch_graph(patches: Supervoxels, visible: NDArray[np.bool_]) -> PatchGraph:
+    """What merging needs to know of the patches.
+
+    Args:
+        patches: S patches of the visible surface.
+        visible: which of the N Gaussians at least one view sees, shape [N].
+    """
+    patch_of_gaussian = np.full(len(visible), -1, np.int32)
     patch_of_gaussian[patches.core] = patches.patch
     first, second = np.nonzero(np.triu(patches.border))
     lightness = patches.mean[:, :1] / LIGHTNESS_WEIGHT
@@ -75,6 +83,7 @@ def patch_graph(patches: Supervoxels, gaussian_count: int) -> PatchGraph:
     thinness = _THINNESS * patches.thinness[:, None]
     return PatchGraph(
         patch=patch_of_gaussian,
+        visible=visible,
         area=patches.area,
         feature=np.concatenate([patches.mean[:, :1], patches.mean[:, 1:] * unshaded, thinness], 1),
         spread=patches.spread,

@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phys4dgen.errors import StageError
 from phys4dgen.export.pictures import write_png
+from phys4dgen.grouping.merging import MergeTree, tree_from_arrays
 from phys4dgen.interior import Interior
 from phys4dgen.interior.bridge import BridgeReport
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.types import Continuum, Frame, Masks, Parts, Views
 
-__all__ = ["read_groups", "read_interior", "write_groups", "write_interior", "write_part_maps", "write_views"]
+__all__ = [
+    "read_groups",
+    "read_interior",
+    "read_tree",
+    "write_groups",
+    "write_interior",
+    "write_part_maps",
+    "write_tree",
+    "write_views",
+]
 
 _PARTICLE_FIELDS = tuple(field.name for field in fields(Continuum))
 _DEPTH_STEPS = 65535
@@ -79,6 +91,22 @@ def read_groups(run: RunFolder) -> Parts:
             votes=arrays.get("votes"),
             visible=arrays.get("visible"),
         )
+
+
+def write_tree(run: RunFolder, tree: MergeTree, *, made_from: str) -> None:
+    """Write ``groups_tree.npz``; ``made_from`` is a digest of all that the tree follows from."""
+    run.write_npz(run.groups_tree_npz, {**tree.arrays(), "made_from": np.array(made_from)})
+
+
+def read_tree(run: RunFolder, *, made_from: str, gaussian_count: int) -> MergeTree | None:
+    """Read ``groups_tree.npz`` back; None where there is none, or one that does not hold and has to be made again."""
+    try:
+        with np.load(run.groups_tree_npz, allow_pickle=False) as archive:
+            if str(archive["made_from"]) != made_from:
+                return None
+            return tree_from_arrays(dict(archive), gaussian_count)
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, StageError):
+        return None
 
 
 def write_interior(run: RunFolder, interior: Interior, *, settled: Continuum) -> None:

@@ -55,6 +55,7 @@ class RunFolder:
         self.cameras_json = self.views / "cameras.json"
         self.parts_png = self.root / "parts.png"
         self.groups_npz = self.root / "groups.npz"
+        self.groups_tree_npz = self.root / "groups_tree.npz"
         self.continuum_npz = self.root / "continuum.npz"
         self.materials_yaml = self.root / "materials.yaml"
         self.identified_yaml = self.root / ".identified.yaml"

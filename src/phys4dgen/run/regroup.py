@@ -1,25 +1,28 @@
-"""``group RUN``: parts of a run merged, renamed or found anew; what was said of them in the scene goes with them."""
+"""``group RUN``: parts of a run edited or found anew; what was said of them in the scene goes with them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-import numpy as np
-
-from phys4dgen.errors import RunError, SceneError, did_you_mean
-from phys4dgen.grouping.edits import edited_parts
+from phys4dgen.errors import RunError, SceneError, StageError
 from phys4dgen.materials import read_materials, write_materials
 from phys4dgen.progress import SILENT, Progress
 from phys4dgen.run.artefacts import read_groups
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.generate import Run, continue_run, scene_of_run
+from phys4dgen.run.part_flags import Clicks, edits_of_flags
 from phys4dgen.run.state import finished_stages
-from phys4dgen.scene import PartEdit, Scene
-from phys4dgen.types import MaterialBook, Parts
+from phys4dgen.scene import ALL_PARTS, PartEdit, Scene
+from phys4dgen.scene.part_names import DEFAULT_NAME
+from phys4dgen.types import MaterialBook
 
 __all__ = ["regroup"]
+
+T = TypeVar("T")
+Moves = Mapping[str, tuple[str, ...]]
+"""Name of a part, and the names of those that stand in its place; none where it is gone."""
 
 
 def regroup(
@@ -32,36 +35,53 @@ def regroup(
 ) -> Run:
     """Edit the parts of a run, and make its grouping again; later stages follow at the next ``continue_run``.
 
+    What fails leaves the run as it was.
+
     Args:
         folder: the run folder.
-        edits: ("merge", "a,b") or ("rename", "old=new") in order; a part stands by its name or, as in parts.png, by
-            its number.
+        edits: ("merge", "a,b"), ("rename", "old=new"), ("split", "a=2") or ("seed", "a@view,x,y") in order, as
+            ``part_flags`` says.
         undo: take the last edit back instead.
         parts: find so many parts anew instead ("auto" or a number); names and edits of the old ones go.
         progress: told what happens.
 
     Raises:
-        Phys4DGenError: no run, no such part, or nothing to take back.
+        Phys4DGenError: no run, no such part, view or place, no such pieces, or nothing to take back.
     """
-    scene, renamed = scene_of_run(folder), {}
+    scene, moves = scene_of_run(folder), list[Moves]()
     if undo:
-        scene, renamed = without_last_edit(scene)
+        if not scene.grouping.edits:
+            raise SceneError("--undo: the parts have not been edited.")
+        *earlier, last = scene.grouping.edits
+        moves.append(_moves_back(scene, last, earlier=earlier))
+        scene = with_moves(scene, moves[0], edits=earlier)
     elif parts is not None:
-        scene = with_parts_anew(scene, parts)
+        moves.append({name: () for name in _mentioned(scene) if not DEFAULT_NAME.fullmatch(name)})
+        scene = with_parts_anew(with_moves(scene, moves[0], edits=()), parts)
     else:
-        names = part_names_of_run(folder)
-        for kind, text in edits:
-            edit = edit_named(kind, text, names)
-            scene = with_edit(scene, edit)
-            if edit.rename is not None and edit.to is not None:
-                before = next((old for old, new in renamed.items() if new == edit.rename), edit.rename)
-                renamed[before] = edit.to
-            marks = Parts(np.arange(len(names), dtype=np.int32), names, "")
-            names = edited_parts(marks, edit).names
-    if renamed:
-        with RunFolder(folder).claim() as run:
-            rename_in_materials(run, renamed)
-    return continue_run(folder, scene, since="grouping", until="grouping", progress=progress)
+        run = RunFolder(folder)
+        for edit in edits_of_flags(edits, part_names_of_run(folder), Clicks(run, scene)):
+            moves.append(_moves(scene, edit))
+            scene = with_moves(scene, moves[-1], edits=[*scene.grouping.edits, edit])
+    for name in (name for move in moves for name, new in move.items() if not new):
+        progress.warn(f"What the scene said of part '{name}' is dropped: there is no such part now.")
+    made = _made(folder, scene, progress)
+    with RunFolder(folder).claim() as run:
+        for move in moves:
+            move_in_materials(run, move)
+    return made
+
+
+def _made(folder: Path | str, scene: Scene, progress: Progress) -> Run:
+    """The run with the parts of a scene; where they cannot be made, the scene and the report stay as they were."""
+    run = RunFolder(folder)
+    before = {path: path.read_text("utf-8") for path in (run.scene_yaml, run.report_json) if path.is_file()}
+    try:
+        return continue_run(folder, scene, since="grouping", until="grouping", progress=progress)
+    except (SceneError, StageError):
+        for path, text in before.items():
+            run.write_text(path, text)
+        raise
 
 
 def part_names_of_run(folder: Path | str) -> tuple[str, ...]:
@@ -77,84 +97,69 @@ def part_names_of_run(folder: Path | str) -> tuple[str, ...]:
     return read_groups(RunFolder(folder)).names
 
 
-def edit_named(kind: str, text: str, names: Sequence[str]) -> PartEdit:
-    """The edit of a flag.
-
-    Args:
-        kind: "merge" or "rename".
-        text: ``a,b,c`` or ``old=new``; a part stands by its name or, as in parts.png, by its number.
-        names: of the parts before the edit.
-
-    Raises:
-        SceneError: the text is not of this form, or there is no such part.
-    """
-    if kind == "merge":
-        merged = [_part(word.strip(), names, "--merge") for word in text.split(",")]
-        if len(set(merged)) < 2:
-            raise SceneError(f"--merge: expected two or more parts such as leaves,stem, got '{text}'.")
-        return PartEdit(merge=tuple(dict.fromkeys(merged)))
-    old, equals, new = (word.strip() for word in text.partition("="))
-    if not (old and equals and new):
-        raise SceneError(f"--rename: expected OLD=NEW such as 0=pot, got '{text}'.")
-    name = _part(old, names, "--rename")
-    if new in names and new != name:
-        raise SceneError(f"--rename: '{name}' cannot be called '{new}', which another part is called already.")
-    return PartEdit.model_validate({"rename": name, "to": new})
-
-
-def with_edit(scene: Scene, edit: PartEdit) -> Scene:
-    """The scene with one more edit; options and forces follow the part that they were meant for."""
-    edits = [*scene.model_dump()["grouping"]["edits"], edit.model_dump()]
+def with_moves(scene: Scene, moves: Moves, *, edits: Sequence[PartEdit]) -> Scene:
+    """The scene with other edits; options and forces follow the parts that they were meant for."""
     tree = scene.model_dump()
-    parts: dict[str, Any] = tree["parts"]
-    if edit.rename is not None and edit.to is not None:
-        moved = {edit.rename: edit.to}
-    else:
-        moved = dict.fromkeys(edit.merge[1:], edit.merge[0])
-    options: dict[str, Any] = {}
-    for name, own in parts.items():
-        options.setdefault(moved.get(name, name), own)  # what the first part of a merge says wins
-    if edit.merge and edit.merge[0] in parts:
-        options[edit.merge[0]] = parts[edit.merge[0]]
-    forces = tuple({**force, "part": moved.get(force["part"], force["part"])} for force in tree["forces"])
-    return scene.with_overrides({"grouping.edits": tuple(edits), "parts": options, "forces": forces})
-
-
-def without_last_edit(scene: Scene) -> tuple[Scene, dict[str, str]]:
-    """The scene before its last edit, and what is called otherwise now (old name to new).
-
-    Raises:
-        SceneError: there is no edit to take back.
-    """
-    if not scene.grouping.edits:
-        raise SceneError("--undo: the parts have not been edited.")
-    *earlier, last = scene.grouping.edits
-    renamed = {}
-    if last.rename is not None and last.to is not None:
-        renamed = {last.to: last.rename}
-        scene = with_edit(scene, PartEdit(rename=last.to, to=last.rename))
-    return scene.with_overrides({"grouping.edits": tuple(edit.model_dump() for edit in earlier)}), renamed
+    joined = {new for names in moves.values() for new in names}
+    forces: list[dict[str, Any]] = []
+    for force in tree["forces"]:
+        for new in moves.get(force["part"], (force["part"],)):
+            follower = {**force, "part": new}
+            if new not in joined or follower not in forces:  # the same push on parts that become one is one push
+                forces.append(follower)
+    dumped = tuple(edit.model_dump() for edit in edits)
+    options = _followed(tree["parts"], moves)
+    return scene.with_overrides({"grouping.edits": dumped, "parts": options, "forces": tuple(forces)})
 
 
 def with_parts_anew(scene: Scene, count: Any) -> Scene:
-    """The scene with another number of parts; names and edits were of the old ones and go."""
-    return scene.with_overrides(
-        {"grouping.parts": count, "grouping.edits": (), "grouping.names": {}}, sources={"grouping.parts": "--parts"}
-    )
+    """The scene with another number of parts; names were of the old ones and go."""
+    return scene.with_overrides({"grouping.parts": count, "grouping.names": {}}, sources={"grouping.parts": "--parts"})
 
 
-def rename_in_materials(run: RunFolder, names: Mapping[str, str]) -> None:
-    """Let what a person wrote into materials.yaml follow parts that get another name."""
+def move_in_materials(run: RunFolder, moves: Moves) -> None:
+    """Let what a person wrote into materials.yaml follow parts that get other names."""
     for path in (run.materials_yaml, run.identified_yaml):
         if path.is_file():
-            book = read_materials(path)
-            write_materials(path, MaterialBook({names.get(name, name): entry for name, entry in book.items()}))
+            to = {name: new for name, new in moves.items() if new}
+            write_materials(path, MaterialBook(_followed(read_materials(path), to)))
 
 
-def _part(word: str, names: Sequence[str], flag: str) -> str:
-    if word.isdecimal() and int(word) < len(names):
-        return names[int(word)]
-    if word not in names:
-        listed = ", ".join(f"{number} {name}" for number, name in enumerate(names))
-        raise SceneError(f"{flag}: there is no part '{word}'; the parts are {listed}.{did_you_mean(word, names)}")
-    return word
+def _followed(said: Mapping[str, T], moves: Moves) -> dict[str, T]:
+    """What was said of parts, under the names of those that stand in their place.
+
+    Where parts become one, what was said of the one that they join wins, then what was said first.
+    """
+    result = {name: own for name, own in said.items() if name not in moves}
+    for name in moves:
+        if name in said:
+            for new in moves[name]:
+                result.setdefault(new, said[name])
+    return result
+
+
+def _moves(scene: Scene, edit: PartEdit) -> Moves:
+    """What becomes of the parts that a scene speaks of by one more edit."""
+    if edit.rename is not None and edit.to is not None:
+        return {edit.rename: (edit.to,)}
+    if edit.merge:
+        return dict.fromkeys(edit.merge[1:], (edit.merge[0],))
+    if edit.split is not None:
+        return {edit.split: edit.pieces_of}
+    return {name: () for name in _mentioned(scene) if name not in edit.seeds}
+
+
+def _moves_back(scene: Scene, edit: PartEdit, *, earlier: Sequence[PartEdit]) -> Moves:
+    """What becomes of the parts that a scene speaks of when its last edit is taken back."""
+    if edit.rename is not None and edit.to is not None:
+        return {edit.to: (edit.rename,)}
+    if edit.split is not None:
+        return {name: (edit.split,) for name in edit.pieces_of if name != edit.split}
+    known = {*scene.grouping.names.values(), *(edit.to for edit in earlier), *(n for e in earlier for n in e.pieces_of)}
+    return {name: () for name in _mentioned(scene) if name in edit.seeds and name not in known}
+
+
+def _mentioned(scene: Scene) -> list[str]:
+    """Names of parts with options or forces of their own."""
+    forces = (force.part for force in scene.forces if force.part != ALL_PARTS)
+    return list(dict.fromkeys((*scene.parts, *forces)))

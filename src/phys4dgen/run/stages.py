@@ -18,7 +18,7 @@ from phys4dgen.errors import RunError, SceneError, did_you_mean
 from phys4dgen.run.code_stamp import code_stamp
 from phys4dgen.scene import Scene
 
-__all__ = ["STAGES", "Needs", "Stage", "file_digest", "scene_settings", "stage_named", "stages_until"]
+__all__ = ["MERGE_TREE", "STAGES", "Needs", "Stage", "file_digest", "scene_settings", "stage_named", "stages_until"]
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ STAGES = (
         takes=("views",),
         makes=("parts", "part names"),
         code=(*_SHARED_CODE, "grouping", "stages/grouping.py"),
-        files=("groups.npz", "parts.png"),
+        files=("groups.npz", "groups_tree.npz", "parts.png"),
     ),
     Stage(
         "interior",
@@ -119,6 +119,17 @@ STAGES = (
     ),
 )
 """In the order in which they run."""
+
+MERGE_TREE = Stage(
+    "merge tree",
+    settings=_ASSET,
+    ignores=(),
+    takes=("views",),
+    makes=(),
+    code=(*_SHARED_CODE, "grouping", "stages/grouping.py"),
+    files=("groups_tree.npz",),
+)
+"""A part of ``grouping`` that all its settings share, so that other parts cost no new search."""
 
 _LISTED = {key.split(".")[0] for stage in STAGES for key in stage.settings}
 

@@ -16,15 +16,18 @@ from numpy.typing import NDArray
 from phys4dgen.errors import RunError
 from phys4dgen.export.pictures import parts_picture, write_png
 from phys4dgen.export.trajectory import read_trajectory, trajectory_writer
+from phys4dgen.grouping.merging import MergeTree
 from phys4dgen.interior import Interior
 from phys4dgen.materials import write_materials
 from phys4dgen.render.views import render_labels
 from phys4dgen.run.artefacts import (
     read_groups,
     read_interior,
+    read_tree,
     write_groups,
     write_interior,
     write_part_maps,
+    write_tree,
     write_views,
 )
 from phys4dgen.run.digests import MotionDigest, book_products, interior_products, needs_digest, parts_products
@@ -35,7 +38,7 @@ from phys4dgen.run.prediction import predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import PartReport, part_reports
 from phys4dgen.run.source_files import read_source, write_source
-from phys4dgen.run.stages import STAGES, Needs, scene_settings, stage_named
+from phys4dgen.run.stages import MERGE_TREE, STAGES, Needs, scene_settings, stage_named
 from phys4dgen.run.state import StageRecord
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
@@ -159,6 +162,19 @@ class RunStore:
             seconds=time.perf_counter() - self._began,
         )
         return self._settle(stage, value, products, record)
+
+    def keep_tree(self, make: Callable[[], MergeTree]) -> Callable[[], MergeTree]:
+        """The merge tree of ``groups_tree.npz``, or made and written there; once, when it is first needed."""
+        made_from = needs_digest(Needs.of(MERGE_TREE, self._settings, self._products))
+
+        def tree() -> MergeTree:
+            kept = read_tree(self.run, made_from=made_from, gaussian_count=len(self._object().gaussians))
+            if kept is None:
+                kept = make()
+                write_tree(self.run, kept, made_from=made_from)
+            return kept
+
+        return functools.cache(tree)
 
     def place(self, name: str) -> Path:
         """A folder of that name in the run folder; it is made by whoever puts something there."""

@@ -18,7 +18,9 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainSerializer,
+    SerializerFunctionWrapHandler,
     ValidationError,
+    model_serializer,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
@@ -80,6 +82,7 @@ FilePath = Annotated[
     PlainSerializer(lambda value: value.as_posix(), return_type=str),
 ]
 PartName = Annotated[str, Field(pattern=r"^[^\W\d][\w -]{0,63}$")]
+SeedPoints = Annotated[tuple[Vector, ...], BeforeValidator(_tuple), Field(min_length=1, max_length=100)]
 Auto = Literal["auto"]
 AxisName = Literal["auto", "x", "+x", "-x", "y", "+y", "-y", "z", "+z", "-z"]
 Positive = Annotated[float, Field(gt=0, le=1e6)]
@@ -134,7 +137,10 @@ class ViewSet(_Section):
 
 
 class PartEdit(_Section):
-    """One correction of the parts; either ``merge``, or ``rename`` with ``to``. Edits are made in their order."""
+    """One correction of the parts; edits are made in their order.
+
+    Either ``merge``, or ``rename`` with ``to``, or ``split`` with ``pieces`` or ``seeds``, or ``seeds`` alone.
+    """
 
     merge: Annotated[tuple[PartName, ...], BeforeValidator(_tuple)] = ()
     """names of parts that become one, which keeps the first name"""
@@ -142,14 +148,45 @@ class PartEdit(_Section):
     """name of a part that gets another one"""
     to: PartName | None = None
     """its new name"""
+    split: PartName | None = None
+    """name of a part that is divided"""
+    pieces: Annotated[int, Field(ge=2, le=20)] | None = None
+    """into so many, called NAME_1, NAME_2 ... from the ground up"""
+    seeds: dict[PartName, SeedPoints] = Field(default_factory=dict)
+    """points on the surface in the input's coordinates, by the name of the part or piece; without split all parts are
+    found anew from them"""
 
     @model_validator(mode="after")
     def _one_kind(self) -> PartEdit:
-        if bool(self.merge) == (self.rename is not None) or (self.rename is None) != (self.to is None):
-            raise ValueError("an edit is either {merge: [a, b]} or {rename: a, to: b}")
+        kinds = (bool(self.merge), self.rename is not None, self.split is not None or bool(self.seeds))
+        whole = (self.rename is None) == (self.to is None) and (self.pieces is None or self.split is not None)
+        if sum(kinds) != 1 or not whole:
+            raise ValueError(
+                "an edit is one of {merge: [a, b]}, {rename: a, to: b}, {split: a, pieces: 2}, "
+                "{split: a, seeds: {b: [[x, y, z]]}} and {seeds: {a: [[x, y, z]], b: [[x, y, z]]}}"
+            )
         if self.merge and len(set(self.merge)) < max(2, len(self.merge)):
             raise ValueError(f"merge needs two or more different parts, got {list(self.merge)}")
+        if self.split is not None and (self.pieces is None) == (not self.seeds):
+            raise ValueError(f"split of '{self.split}' needs either pieces, how many, or seeds, points on each")
+        if self.split is None and len(self.seeds) == 1:
+            raise ValueError("seeds need points on two or more parts, or split, the part that a single one is part of")
+        if self.split is not None and list(self.seeds) == [self.split]:
+            raise ValueError(f"split of '{self.split}' needs another name for the piece that is pointed at")
         return self
+
+    @model_serializer(mode="wrap")
+    def _what_is_said(self, whole: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Its kind alone, without the keys of the others."""
+        return {key: value for key, value in whole(self).items() if value}
+
+    @property
+    def pieces_of(self) -> tuple[str, ...]:
+        """Names of the parts that stand in the place of ``split``; of all parts where only ``seeds`` are given."""
+        if self.pieces is not None:
+            return tuple(f"{self.split}_{number}" for number in range(1, self.pieces + 1))
+        remainder = () if self.split is None or len(self.seeds) > 1 else (self.split,)
+        return tuple(dict.fromkeys((*self.seeds, *remainder)))
 
 
 class Grouping(_Section):
@@ -166,7 +203,8 @@ class Grouping(_Section):
     names: dict[Annotated[int, Field(ge=0, le=255)], PartName] = Field(default_factory=dict)
     """names by part number (numbered from the ground up), instead of part_0, part_1 ..."""
     edits: Annotated[tuple[PartEdit, ...], BeforeValidator(_tuple)] = ()
-    """corrections made after that, as by 'phys4dgen group': [{merge: [a, b]}, {rename: a, to: leaves}]"""
+    """corrections made after that, as by 'phys4dgen group': [{merge: [a, b]}, {rename: a, to: c},
+    {split: c, pieces: 2}, {split: d, seeds: {e: [[x, y, z]]}}]"""
 
     @model_validator(mode="after")
     def _backend_has_its_file(self) -> Grouping:
@@ -208,12 +246,6 @@ class Materials(_Section):
     library: parts bear the names of materials"""
     file: FilePath | None = None
     """a materials.yaml; its entries win over backend, and parts.NAME.material over them"""
-
-    @model_validator(mode="after")
-    def _backend_has_its_file(self) -> Materials:
-        if self.backend == "file" and self.file is None:
-            raise ValueError("backend 'file' needs file; name a materials.yaml, or choose backend 'auto'")
-        return self
     model: Annotated[str, Field(min_length=1, max_length=128)] = "gpt-4o"
     """of mllm: id of a multimodal model (the paper's by default)"""
     base_url: Annotated[str, AfterValidator(checked_address)] = "https://api.openai.com/v1"
@@ -237,6 +269,12 @@ class Materials(_Section):
     """of mllm: bound on the requests, retries included; auto: 4 per sample"""
     max_wait_s: Annotated[float, Field(gt=0, le=3600)] = 180.0
     """of mllm: bound on the time of all answers together"""
+
+    @model_validator(mode="after")
+    def _backend_has_its_file(self) -> Materials:
+        if self.backend == "file" and self.file is None:
+            raise ValueError("backend 'file' needs file; name a materials.yaml, or choose backend 'auto'")
+        return self
 
 
 class PartOptions(_Section):
@@ -308,8 +346,8 @@ class Ground(_Section):
 class Simulation(_Section):
     """The Material Point Method (Paper: Sec. 3.5)."""
 
-    grid: Annotated[int, Field(ge=8, le=512)] = 64
-    """cells along the object's longest side"""
+    grid: Auto | Annotated[int, Field(ge=8, le=512)] = "auto"
+    """cells along the object's longest side; auto: 64, fewer where a massive object would take too many particles"""
     duration_s: Annotated[float, Field(gt=0, le=600)] = 2.0
     """of the film; frames = round(duration_s * fps)"""
     fps: Annotated[float, Field(ge=1, le=240)] = 24.0

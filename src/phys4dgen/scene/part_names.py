@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from phys4dgen.errors import SceneError, did_you_mean
 from phys4dgen.scene.model import ALL_PARTS, Scene
 
-__all__ = ["check_part_names", "refuse_impossible_part_names"]
+__all__ = ["DEFAULT_NAME", "check_part_names", "refuse_impossible_part_names"]
 
-_DEFAULT_NAME = re.compile(r"part_\d+")
+DEFAULT_NAME = re.compile(r"part_\d+")
+"""What parts are called before anybody names them."""
 
 
 def check_part_names(scene: Scene, names: Sequence[str]) -> None:
@@ -46,9 +47,11 @@ def refuse_impossible_part_names(scene: Scene) -> None:
     """
     if scene.grouping.labels_file is not None:
         return
-    given = [*scene.grouping.names.values(), *(edit.to for edit in scene.grouping.edits if edit.to is not None)]
+    given = list(scene.grouping.names.values())
+    for edit in scene.grouping.edits:
+        given += [edit.to] if edit.to is not None else edit.pieces_of
     for place, name in _mentioned(scene).items():
-        if name not in given and not _DEFAULT_NAME.fullmatch(name):
+        if name not in given and not DEFAULT_NAME.fullmatch(name):
             raise SceneError(
                 f"{place}: there is no part '{name}'; parts are called {', '.join([*given, 'part_0', 'part_1'])} "
                 f"and so on until --part-name names them.{did_you_mean(name, [*given, 'part_0'])}"

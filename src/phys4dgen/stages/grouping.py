@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from phys4dgen.grouping.appearance import group_by_appearance
+from phys4dgen.grouping.appearance import appearance_tree, parts_from_tree
+from phys4dgen.grouping.doubt import reason_to_doubt
 from phys4dgen.grouping.edits import edited_parts
 from phys4dgen.grouping.from_file import parts_from_file, rename_parts, single_part
 from phys4dgen.grouping.label_maps import holds_label_maps, read_label_maps
 from phys4dgen.grouping.lift import lift, parts_from_maps
+from phys4dgen.grouping.merging import MergeTree
 from phys4dgen.progress import Progress
 from phys4dgen.render.views import render_views
 from phys4dgen.scene import Scene
@@ -18,30 +21,39 @@ from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.views import rendered
 from phys4dgen.types import Parts, Views
 
-__all__ = ["group"]
+__all__ = ["find_tree", "group"]
+
+_CURE = (
+    "See parts.png; where it is wrong, give the number of parts (--parts N), click on them ('phys4dgen group RUN "
+    "--seed NAME@VIEW,X,Y'), or bring label maps of a segmentation network such as SAM2 (--grouping.labels-file)."
+)
 
 
-def group(scene: Scene, asset: Asset, views: Views, progress: Progress) -> Parts:
-    """Divide the Gaussians into parts (Paper: Sec. 3.2)."""
+def find_tree(scene: Scene, asset: Asset, views: Views, progress: Progress) -> MergeTree:
+    """How the object's surface joins into parts by colour and shape; the number of parts is not yet decided."""
+    seen = _object_views(scene, asset, views, progress)
+    return appearance_tree(asset.gaussians, asset.frame, views=seen, progress=progress)
+
+
+def group(scene: Scene, asset: Asset, views: Views, tree: Callable[[], MergeTree], progress: Progress) -> Parts:
+    """Divide the Gaussians into parts (Paper: Sec. 3.2); ``tree`` returns what ``find_tree`` made."""
     wanted = scene.grouping
+    gaussians, frame = asset.gaussians, asset.frame
     if wanted.labels_file is not None and holds_label_maps(wanted.labels_file):
         parts = _lifted(scene, wanted.labels_file, asset, views)
     elif wanted.labels_file is not None:
-        parts = parts_from_file(wanted.labels_file, len(asset.gaussians))
+        parts = parts_from_file(wanted.labels_file, len(gaussians))
     elif wanted.backend == "none":
-        parts = single_part(len(asset.gaussians))
+        parts = single_part(len(gaussians))
     else:
         count = None if isinstance(wanted.parts, str) else wanted.parts
-        parts, _ = group_by_appearance(
-            asset.gaussians,
-            asset.frame,
-            parts=count,
-            views=_object_views(scene, asset, views, progress),
-            progress=progress,
-        )
+        parts = parts_from_tree(tree(), gaussians, frame, parts=count)
+        doubt = reason_to_doubt(tree(), parts.count, wanted=count)
+        if doubt is not None and not wanted.edits:  # whoever edits parts has looked at them
+            progress.warn(f"The parts are uncertain: {doubt}. {_CURE}")
     parts = rename_parts(parts, wanted.names)
     for edit in wanted.edits:
-        parts = edited_parts(parts, edit)
+        parts = edited_parts(parts, edit, gaussians=gaussians, frame=frame, tree=tree)
     progress.note(f"{parts.count} parts by {parts.backend}: {', '.join(parts.names)}.")
     return parts
 

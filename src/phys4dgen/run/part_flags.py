@@ -1,0 +1,186 @@
+"""The flags of ``group`` as edits of a scene: names or numbers of parts, and clicks in the views of the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from phys4dgen.errors import SceneError, StageError, did_you_mean
+from phys4dgen.grouping.label_maps import read_cameras
+from phys4dgen.grouping.seeds import gaussian_at
+from phys4dgen.run.folder import RunFolder
+from phys4dgen.run.source_files import read_source
+from phys4dgen.scene import PartEdit, Scene
+from phys4dgen.scene.errors import explain
+from phys4dgen.types import Camera, Gaussians
+
+__all__ = ["Clicks", "edits_of_flags"]
+
+_DIGITS = 6
+"""Of a clicked point's coordinates, which find the same Gaussian again."""
+
+
+class Clicks:
+    """Finds the points that clicks in the views of a run show."""
+
+    def __init__(self, run: RunFolder, scene: Scene) -> None:
+        self._run, self._scene = run, scene
+        self._cameras: Mapping[str, Camera] | None = None
+        self._gaussians: Gaussians | None = None
+
+    def point(self, view: str, x_px: float, y_px: float) -> tuple[float, ...]:
+        """The place of the Gaussian that a pixel shows, input coordinates.
+
+        Args:
+            view: name or number of a camera in cameras.json.
+            x_px: column from the left edge of the view.
+            y_px: row from its upper edge.
+
+        Raises:
+            SceneError: there is no such view.
+            StageError: the pixel lies outside the view or beside the object.
+        """
+        if self._cameras is None or self._gaussians is None:
+            self._cameras = read_cameras(self._run.cameras_json)
+            self._gaussians = read_source(self._run, self._scene).gaussians
+        names = list(self._cameras)
+        if view.isdecimal() and int(view) < len(names):
+            view = names[int(view)]
+        if view not in self._cameras:
+            raise SceneError(
+                f"there is no view '{view}'; the views are {names[0]} to {names[-1]}, or 0 to {len(names) - 1}."
+            )
+        mean = self._gaussians.means[gaussian_at(self._gaussians, self._cameras[view], x_px, y_px)]
+        return tuple(float(f"{value:.{_DIGITS}g}") for value in mean)
+
+
+def edits_of_flags(flags: Sequence[tuple[str, str]], names: Sequence[str], clicks: Clicks) -> list[PartEdit]:
+    """The edits that flags ask for, in their order; clicks after a split say which pieces it gives.
+
+    Args:
+        flags: ("merge", "a,b"), ("rename", "old=new"), ("split", "a=2"), ("split", "a") or ("seed", "a@view,x,y"). A
+            part stands by its name or, as in parts.png, by its number until an edit changes the numbers.
+        names: of the parts before.
+        clicks: finds what was clicked on.
+
+    Raises:
+        SceneError: a flag is not of its form, or there is no such part, view or place.
+    """
+    edits: list[PartEdit] = []
+    numbered = True
+    at = 0
+    while at < len(flags):
+        kind, text = flags[at]
+        at += 1
+        if kind == "merge":
+            edit = _merge(text, names, numbered=numbered)
+        elif kind == "rename":
+            edit = _rename(text, names, numbered=numbered)
+        else:
+            clicked = [] if kind == "split" else [text]
+            while at < len(flags) and flags[at][0] == "seed":
+                clicked.append(flags[at][1])
+                at += 1
+            edit = _split(text if kind == "split" else None, clicked, names, clicks=clicks, numbered=numbered)
+            numbered = False
+        edits.append(edit)
+        names = _names_after(names, edit)
+    return edits
+
+
+def _merge(text: str, names: Sequence[str], *, numbered: bool) -> PartEdit:
+    merged = [_part(word.strip(), names, "--merge", numbered=numbered) for word in text.split(",")]
+    if len(set(merged)) < 2:
+        raise SceneError(f"--merge: expected two or more parts such as leaves,stem, got '{text}'.")
+    return _edit("--merge", merge=tuple(dict.fromkeys(merged)))
+
+
+def _rename(text: str, names: Sequence[str], *, numbered: bool) -> PartEdit:
+    old, equals, new = (word.strip() for word in text.partition("="))
+    if not (old and equals and new):
+        raise SceneError(f"--rename: expected OLD=NEW such as 0=pot, got '{text}'.")
+    name = _part(old, names, "--rename", numbered=numbered)
+    if new in names and new != name:
+        raise SceneError(f"--rename: '{name}' cannot be called '{new}', which another part is called already.")
+    return _edit("--rename", rename=name, to=new)
+
+
+def _split(
+    text: str | None, clicked: Sequence[str], names: Sequence[str], *, clicks: Clicks, numbered: bool
+) -> PartEdit:
+    """One part divided by appearance or by clicks; all parts by clicks where ``text`` is None."""
+    seeds: dict[str, list[tuple[float, ...]]] = {}
+    for click in clicked:
+        name, point = _seed(click, clicks)
+        seeds.setdefault(name, []).append(point)
+    points = {name: tuple(found) for name, found in seeds.items()}
+    if text is None:
+        if len(points) < 2:
+            raise SceneError(
+                f"--seed: one part alone was clicked on, '{next(iter(points))}'; click on every part that there shall "
+                f"be, or say which part it is a piece of with --split before it: {_listed(names)}."
+            )
+        return _edit("--seed", seeds=points)
+    old, equals, count = (word.strip() for word in text.partition("="))
+    name = _part(old, names, "--split", numbered=numbered)
+    if equals and (points or not count.isdecimal()):
+        got = f"'{text}' and clicks" if points else f"'{text}'"
+        raise SceneError(f"--split: expected NAME=K with a number of pieces, or NAME with --seed after it, got {got}.")
+    others = [other for other in names if other != name]
+    edit = _edit("--split", split=name, seeds=points, pieces=None if points else int(count or 2))
+    taken = [piece for piece in edit.pieces_of if piece in others]
+    if taken:
+        raise SceneError(f"--split: a piece of '{name}' cannot be called '{taken[0]}': there is such a part.")
+    return edit
+
+
+def _seed(text: str, clicks: Clicks) -> tuple[str, tuple[float, ...]]:
+    """The name and the place of NAME@VIEW,X,Y."""
+    name, _, place = (word.strip() for word in text.partition("@"))
+    words = [word.strip() for word in place.split(",")]
+    try:
+        view, (x_px, y_px) = words[0], map(float, words[1:])
+    except ValueError:
+        raise SceneError(f"--seed: expected NAME@VIEW,X,Y such as pot@view_03,120,200, got '{text}'.") from None
+    try:
+        return name, clicks.point(view, x_px, y_px)
+    except (SceneError, StageError) as error:
+        raise SceneError(f"--seed {text}: {str(error).removeprefix('grouping: ')}") from error
+
+
+def _edit(flag: str, **values: Any) -> PartEdit:
+    try:
+        return PartEdit.model_validate(values)
+    except ValidationError as error:
+        raise SceneError(explain(error, PartEdit, source=flag, places={})) from error
+
+
+def _names_after(names: Sequence[str], edit: PartEdit) -> list[str]:
+    """What parts are called after an edit; after a split, in no particular order."""
+    if edit.rename is not None and edit.to is not None:
+        return [edit.to if name == edit.rename else name for name in names]
+    if edit.merge:
+        first = min(edit.merge, key=names.index)
+        return [edit.merge[0] if name == first else name for name in names if name == first or name not in edit.merge]
+    if edit.split is None:
+        return list(edit.pieces_of)
+    return [*(name for name in names if name != edit.split), *edit.pieces_of]
+
+
+def _part(word: str, names: Sequence[str], flag: str, *, numbered: bool) -> str:
+    if word.isdecimal() and not numbered:
+        raise SceneError(
+            f"{flag} {word}: a split gives the parts other numbers; name the part, or use a second command."
+        )
+    if word.isdecimal() and int(word) < len(names):
+        return names[int(word)]
+    if word not in names:
+        listed = _listed(names) if numbered else ", ".join(names)
+        raise SceneError(f"{flag}: there is no part '{word}'; the parts are {listed}.{did_you_mean(word, names)}")
+    return word
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(f"{number} {name}" for number, name in enumerate(names))
