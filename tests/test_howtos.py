@@ -7,10 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from phys4dgen.formats import save_gaussians
-from phys4dgen.zoo.potted_flower import potted_flower
+from phys4dgen.render.cameras import view_cameras
+from phys4dgen.render.views import render_views
+from phys4dgen.zoo import bundled
 
 HOWTOS = sorted((Path(__file__).parents[1] / "docs" / "howto").glob("*.md"))
 
@@ -19,6 +23,16 @@ def commands(page):
     """Lines that start with ``$`` in the console blocks of a page."""
     blocks = re.findall(r"```console\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     return [line[2:] for block in blocks for line in block.splitlines() if line.startswith("$ ")]
+
+
+def draw_duck(path):
+    """The bundled duck as a picture with an alpha channel."""
+    duck = bundled("rubber_duck").gaussians
+    lower, upper = duck.robust_bounds()
+    camera = view_cameras("object", lower=lower, upper=upper, rotation=np.eye(3), size_px=256)[0]
+    view = render_views(duck, [camera])
+    rgba = np.concatenate([view.rgb[0], view.alpha[0][..., None]], -1)
+    Image.fromarray(np.rint(255 * np.clip(rgba, 0, 1)).astype(np.uint8)).save(path)
 
 
 def test_there_are_six_pages_with_commands():
@@ -30,7 +44,9 @@ def test_there_are_six_pages_with_commands():
 def test_the_commands_of_a_page_work(page, tmp_path):
     lines = commands(page)
     if any("plant.ply" in line for line in lines):
-        save_gaussians(potted_flower().gaussians, tmp_path / "plant.ply")
+        save_gaussians(bundled("potted_flower").gaussians, tmp_path / "plant.ply")
+    if any("duck.png" in line for line in lines):
+        draw_duck(tmp_path / "duck.png")
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     there = {"cwd": tmp_path, "env": {**os.environ, "PATH": path}}
     for line in lines:
