@@ -132,13 +132,18 @@ def parts_from_seeds(
         seeds: by the name of each part, indices of one or more Gaussians of it (``seeds.gaussian_at``).
 
     Raises:
-        StageError: two parts are pointed at in one place, or the graph belongs to other Gaussians.
+        StageError: two parts are pointed at in one place, one is too small, or the graph belongs to other Gaussians.
     """
     _check_fit(graph, gaussians)
     known = seed_patches(graph, gaussians, seeds)
     labels = attach(gaussians, graph.patch, grow_from_seeds(graph, known), radius=object_radius(gaussians))
     numbered, old = number_from_the_ground(labels, gaussians, frame)
     names = list(seeds)
+    lost = [name for number, name in enumerate(names) if number not in old]
+    if lost:
+        raise StageError(
+            f"grouping: what was clicked on as '{lost[0]}' is too small to be a part; click elsewhere on it."
+        )
     return Parts(
         labels=numbered,
         names=tuple(names[number] for number in old),

@@ -66,17 +66,17 @@ def split_part(
     else:
         piece_of_patch = cut_tree(merge_tree(inside), wanted)
         names = [f"{name}_{number}" for number in range(1, int(piece_of_patch.max()) + 2)]
-    found = int(piece_of_patch.max()) + 1
-    if found < wanted:
-        raise StageError(
-            f"grouping.edits: '{name}' holds only {found} pieces that differ in colour or shape; click on each piece "
-            "instead (--seed)."
-        )
     taken = [other for other in names if other != name and other in parts.names]
     if taken:
         raise StageError(f"grouping.edits: a piece of '{name}' cannot be called '{taken[0]}': there is such a part.")
     own = gaussians.subset(rows)
     piece = attach(own, inside.patch[rows], piece_of_patch, radius=object_radius(gaussians))
+    found = len(np.unique(piece))
+    if found < wanted:
+        cure = "click on larger ones" if seeds else "ask for fewer, or click on each piece instead (--seed)"
+        raise StageError(
+            f"grouping.edits: '{name}' holds only {found} of {wanted} pieces large enough to be parts; {cure}."
+        )
     if not seeds:
         piece = number_from_the_ground(piece, own, frame)[0]
     return _with_pieces(parts, rows, piece, name=name, names=names, gaussians=gaussians, frame=frame)
