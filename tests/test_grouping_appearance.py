@@ -28,6 +28,7 @@ from phys4dgen.types import Frame, Gaussians, Parts, rotation_to_z_up
 from phys4dgen.types.color import srgb_to_lab
 
 Z_UP = Frame(np.eye(3), 1.0)
+MINUS_Y_UP = Frame(rotation_to_z_up(np.array([0.0, -1.0, 0.0])), 1.0)
 
 
 def matched_iou(labels: NDArray[np.int32], truth: NDArray[np.int32]) -> NDArray[np.float64]:
@@ -189,7 +190,7 @@ def test_any_scatter_of_gaussians_gives_a_valid_tree(n: int, seed: int):
     for parts in (None, 1, 3):
         label = cut_tree(tree, parts)
         assert len(label) == len(tree.graph)
-        assert set(label) <= set(range(60 if parts is None else parts))
+        assert set(label) <= {-1, *range(60 if parts is None else parts)}
 
 
 def test_numbering_follows_the_height():
@@ -200,19 +201,41 @@ def test_numbering_follows_the_height():
     np.testing.assert_array_equal(labels, truth)
 
 
-def test_real_plant_falls_into_pot_soil_and_foliage(shared_data):
-    """The bar of the contract: at most 12 parts; pot, soil and foliage >= 90 % in different ones (opacity x area)."""
+@pytest.fixture(scope="module")
+def real_plant(shared_data):
+    """A capture, its parts and tree, what each Gaussian weighs (opacity x area), and where its parts are for sure."""
     gaussians = load_gaussians(shared_data / "splats/plant.splat")
-    parts, _ = group_by_appearance(gaussians, Frame(rotation_to_z_up(np.array([0.0, -1.0, 0.0])), 1.0))
-    assert parts.count <= 12
+    parts, tree = group_by_appearance(gaussians, MINUS_Y_UP)
     x, y, z = gaussians.means.T
     scales = np.sort(gaussians.scales, axis=1)
     weight = gaussians.opacities * scales[:, 1] * scales[:, 2]
     dark = srgb_to_lab(gaussians.base_colors)[:, 0] < 40
-    inside = np.hypot(x - 0.01, z) < 0.125
+    inside = np.hypot(x - 0.01, z) < 0.125  # the wall of the pot rises beside the soil
+    regions = (y > 0.27, (y > 0.20) & (y < 0.25) & dark & inside, y < 0.1)
+    return gaussians, parts, tree, weight, regions
+
+
+def test_real_plant_falls_into_pot_soil_and_foliage(real_plant):
+    """The bar of the contract: at most 12 parts; pot, soil and foliage >= 90 % in different ones."""
+    _, parts, _, weight, regions = real_plant
+    assert parts.count <= 12
     homes = []
-    for region in (y > 0.27, (y > 0.20) & (y < 0.25) & dark & inside, y < 0.1):
+    for region in regions:
         share = np.bincount(parts.labels[region], weight[region], parts.count) / weight[region].sum()
         assert share.max() >= 0.9
         homes.append(int(share.argmax()))
+    assert len(set(homes)) == 3
+
+
+def test_three_parts_of_the_real_plant(real_plant):
+    """The bar of the contract with ``--parts 3``: IoU >= 0.8 each, judged within the regions."""
+    gaussians, _, tree, weight, regions = real_plant
+    parts = parts_from_tree(tree, gaussians, MINUS_Y_UP, parts=3)
+    judged = np.logical_or.reduce(regions)
+    homes = []
+    for region in regions:
+        own = [parts.labels == number for number in range(parts.count)]
+        iou = [weight[region & part].sum() / weight[(region | part) & judged].sum() for part in own]
+        assert max(iou) >= 0.8
+        homes.append(int(np.argmax(iou)))
     assert len(set(homes)) == 3

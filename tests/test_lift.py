@@ -1,4 +1,4 @@
-"""Label maps to labels: the depth test, the vote, ties, the never seen, and perfect masks on the bundled flower."""
+"""Label maps to labels: the depth test, the vote, ties, the never seen, and perfect masks on bundled objects."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from phys4dgen.grouping.lift import Lifted, lift
 from phys4dgen.render.cameras import intrinsics, view_cameras
 from phys4dgen.render.views import render_labels, render_views
 from phys4dgen.types import Camera, Gaussians, Masks, rotation_to_z_up
-from phys4dgen.zoo import potted_flower
+from phys4dgen.zoo import ZooObject, bundled, potted_flower
+
+Lifting = tuple[Gaussians, NDArray[np.int32], Masks, tuple[Camera, ...], NDArray[np.float32]]
 
 
 def gaussians_at(points: list[list[float]], *, sigma: float = 0.02) -> Gaussians:
@@ -103,15 +105,28 @@ def test_maps_of_nothing_are_refused():
         lift(gaussians, Masks(np.zeros((1, 4, 8), np.int32)), cameras=[front_camera()], depth=depth)
 
 
-@pytest.fixture(scope="module")
-def flower() -> tuple[Gaussians, NDArray[np.int32], Masks, tuple[Camera, ...], NDArray[np.float32]]:
-    """The bundled flower and its perfect masks in the ``object`` views."""
-    flower = potted_flower()
-    rotation = rotation_to_z_up(flower.up)
-    lower, upper = flower.gaussians.robust_bounds(rotation=rotation)
+def with_perfect_masks(it: ZooObject) -> Lifting:
+    """A bundled object and its perfect masks in the ``object`` views."""
+    rotation = rotation_to_z_up(it.up)
+    lower, upper = it.gaussians.robust_bounds(rotation=rotation)
     cameras = view_cameras("object", lower=lower, upper=upper, rotation=rotation, size_px=512)
-    masks = np.stack([render_labels(flower.gaussians, flower.labels, camera) for camera in cameras])
-    return flower.gaussians, flower.labels, Masks(masks), cameras, render_views(flower.gaussians, cameras).depth
+    masks = np.stack([render_labels(it.gaussians, it.labels, camera) for camera in cameras])
+    return it.gaussians, it.labels, Masks(masks), cameras, render_views(it.gaussians, cameras).depth
+
+
+@pytest.fixture(scope="module")
+def flower() -> Lifting:
+    return with_perfect_masks(potted_flower())
+
+
+@pytest.mark.parametrize("name", ["snowman", "hammer"])
+def test_perfect_masks_give_the_parts_of_bundled_objects(name):
+    gaussians, truth, masks, cameras, depth = with_perfect_masks(bundled(name))
+    lifted = lift(gaussians, masks, cameras=cameras, depth=depth)
+    right = lifted.labels == truth
+    assert lifted.visible.mean() > 0.9
+    assert right[lifted.visible].mean() >= 0.97
+    assert right.mean() >= 0.95
 
 
 def test_perfect_masks_give_the_parts_of_the_flower(flower):

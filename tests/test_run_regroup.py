@@ -14,7 +14,7 @@ from phys4dgen.materials import read_materials
 from phys4dgen.run.artefacts import read_groups
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.generate import continue_run, generate, scene_of_run
-from phys4dgen.run.part_flags import edits_of_flags
+from phys4dgen.run.part_flags import Clicks, edits_of_flags
 from phys4dgen.run.regroup import regroup
 from phys4dgen.scene import PartEdit, Scene, dump_scene, load_scene
 from phys4dgen.types import Parts
@@ -64,9 +64,9 @@ def test_rename_refuses_a_name_that_is_taken():
         ("seed", "pot", "--seed: expected NAME@VIEW,X,Y"),
     ],
 )
-def test_a_flag_that_makes_no_sense_is_one_sentence(kind, text, says):
+def test_a_flag_that_makes_no_sense_is_one_sentence(kind, text, says, tmp_path):
     with pytest.raises(SceneError, match=says):
-        edits_of_flags([(kind, text)], PARTS.names, clicks=None)
+        edits_of_flags([(kind, text)], PARTS.names, Clicks(RunFolder(tmp_path), Scene(input=tmp_path)))
 
 
 def test_edits_stand_in_scene_yaml(tmp_path):

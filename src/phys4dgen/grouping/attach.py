@@ -31,10 +31,11 @@ def attach(
     Args:
         gaussians: N static Gaussians.
         patch: patch of every visible Gaussian, -1 elsewhere, shape [N].
-        part_of_patch: shape [S].
+        part_of_patch: -1 where it is not known, shape [S].
         radius: half the object's diagonal, input units.
     """
-    core = np.flatnonzero(patch >= 0)
+    known = (patch >= 0) & (part_of_patch[patch] >= 0)
+    core = np.flatnonzero(known)
     label = part_of_patch[patch[core]]
     part_count = int(part_of_patch.max()) + 1
     tree = KDTree(gaussians.means[core])
@@ -47,7 +48,7 @@ def attach(
         label = _majority(label[neighbours], votes, part_count)
     out = np.zeros(len(gaussians), np.int64)
     out[core] = label
-    rest = np.flatnonzero(patch < 0)
+    rest = np.flatnonzero(~known)
     if len(rest):
         out[rest] = _follow(gaussians, core, label, rest, radius)
     return out

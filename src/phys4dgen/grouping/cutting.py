@@ -29,7 +29,7 @@ _FLECK_THINNESS = 11.0
 
 
 def cut_tree(tree: MergeTree, parts: int | None = None, *, level: float = LEVEL) -> NDArray[np.int64]:
-    """Part of every patch, numbered 0 .. G-1 in no particular order; shape [S].
+    """Part of every patch, numbered 0 .. G-1 in no particular order, -1 where nothing tells; shape [S].
 
     Args:
         tree: from ``merge_tree``.
@@ -80,7 +80,8 @@ def _join_flecks(graph: PatchGraph, label: NDArray[np.int64]) -> NDArray[np.int6
     """Give small islands of a part to the part that they lie in, unless one is thin and the other is not.
 
     A dark stain or shadow on a pot has the colour of the soil and would be soil; a leaf that hangs in front of the pot
-    touches nothing else either, and is told from a stain by being thin.
+    touches nothing else either, and is told from a stain by being thin. A crumb that touches nothing at all, such as
+    debris below a hollow pot, lies in no part: it gets -1 and is left to follow what is near it.
     """
     a, b = graph.touching.T
     inside = label[a] == label[b]
@@ -98,6 +99,9 @@ def _join_flecks(graph: PatchGraph, label: NDArray[np.int64]) -> NDArray[np.int6
     np.add.at(border, (island[a], label[b]), graph.border * ~inside)
     np.add.at(border, (island[b], label[a]), graph.border * ~inside)
     around = border.argmax(1)
-    fleck = (area < _FLECK_AREA) & (area < _FLECK_SHARE * largest[part]) & (border.max(1) > 0)
+    small = area < _FLECK_SHARE * largest[part]
+    touches = border.max(1) > 0
+    part = np.where(small & ~touches & (area < _MIN_AREA), -1, part)
+    fleck = (area < _FLECK_AREA) & small & touches
     alike = np.abs(thinness - part_thinness[around]) < _FLECK_THINNESS
     return np.where(fleck & alike, around, part)[island]
