@@ -44,7 +44,7 @@ def click(root, part):
     """VIEW,X,Y well inside what a true part shows from above."""
     camera = read_cameras(root / "views/cameras.json")[FROM_ABOVE]
     shown = render_labels(load_gaussians(root.parent / "plant.ply"), TRUTH, camera) == part
-    y_px, x_px = np.unravel_index(int(np.argmax(distance_transform_edt(shown))), shown.shape)
+    y_px, x_px = np.unravel_index(int(np.asarray(distance_transform_edt(shown)).argmax()), shown.shape)
     return f"{FROM_ABOVE},{x_px},{y_px}"
 
 
