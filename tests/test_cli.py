@@ -71,7 +71,7 @@ def test_a_flag_wins_over_preview_and_preview_over_the_scene_file(tmp_path, monk
         (["generate", "a.splat", "-o", "run", "--simulation.gird", "3"], "Did you mean 'grid'?"),
         (
             ["generate", "a.splat", "-o", "run", "--grid", "3"],
-            "--grid: simulation.grid: expected a number of at least 8",
+            "--grid: simulation.grid: expected 'auto' or a number of at least 8",
         ),
         (["generate", "a.splat", "-o", "run", "--motion", "swya"], "Did you mean 'sway'?"),
         (["generate", "a.splat", "-o", "run", "--until", "gruoping"], "Did you mean 'grouping'?"),

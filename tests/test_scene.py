@@ -85,9 +85,9 @@ def test_paths_are_taken_from_the_folder_of_the_file(tmp_path):
         ("simulation: {gird: 3}", "line 2: 'simulation.gird' is not a key of a scene. Did you mean 'grid'?"),
         (
             "simulation:\n  fps: 24\n  grid: 3",
-            "s.yaml line 4: simulation.grid: expected a number of at least 8, got 3.",
+            "s.yaml line 4: simulation.grid: expected 'auto' or a number of at least 8, got 3.",
         ),
-        ("simulation: {grid: 64.5}", "simulation.grid: expected a whole number, got 64.5."),
+        ("simulation: {grid: 64.5}", "simulation.grid: expected 'auto' or a whole number, got 64.5."),
         ("height_m: yes", "s.yaml line 2: height_m: expected 'auto' or a number, got 'yes'."),
         ("height_m: -1", "height_m: expected 'auto' or a number greater than 0, got -1."),
         ("height_m: .nan", "height_m: expected 'auto' or a finite number, got nan."),
@@ -133,7 +133,9 @@ def test_overrides_replace_values_and_name_their_source():
     changed = scene.with_overrides({"simulation.grid": 96, "parts.pot.hold": "fixed", "grouping.names.0": "pot"})
     assert (changed.simulation.grid, changed.parts["pot"].hold, changed.grouping.names) == (96, "fixed", {0: "pot"})
     assert scene.simulation.grid == "auto"
-    with pytest.raises(SceneError, match=r"^--grid: simulation\.grid: expected a number of at most 512, got 9999\.$"):
+    with pytest.raises(
+        SceneError, match=r"^--grid: simulation\.grid: expected 'auto' or a number of at most 512, got 9999\.$"
+    ):
         scene.with_overrides({"simulation.grid": 9999}, sources={"simulation.grid": "--grid"})
     with pytest.raises(SceneError, match="what stands before the dot is one value"):
         scene.with_overrides({"simulation.grid.x": 1})

@@ -97,7 +97,7 @@ def _session(model: Path) -> Any:
     if not model.is_file():
         raise StageError(f"{model}: there is no such matting model; get one with: {DOWNLOAD_COMMAND}")
     try:
-        import onnxruntime
+        import onnxruntime  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         raise StageError(
             "Matting by a network needs onnxruntime; install it with: pip install 'phys4dgen[matte]'"

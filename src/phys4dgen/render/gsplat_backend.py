@@ -19,7 +19,7 @@ from phys4dgen.render.rasterise import WHITE, RenderResult, default_near, packed
 from phys4dgen.types import Camera
 
 if TYPE_CHECKING:
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
 
 __all__ = ["GsplatRasteriser", "gsplat_is_ready"]
 
@@ -32,7 +32,7 @@ def gsplat_is_ready() -> bool:
     """Whether torch with a CUDA device and gsplat are installed; costs nothing where they are not."""
     if importlib.util.find_spec("torch") is None or importlib.util.find_spec("gsplat") is None:
         return False
-    import torch
+    import torch  # pyright: ignore[reportMissingImports]
 
     return torch.cuda.is_available()
 
@@ -66,8 +66,8 @@ class GsplatRasteriser:
         Raises:
             ValueError: neither or both of ``sh`` and ``colors`` are given.
         """
-        import gsplat
-        import torch
+        import gsplat  # pyright: ignore[reportMissingImports]
+        import torch  # pyright: ignore[reportMissingImports]
 
         if (sh is None) == (colors is None):
             raise ValueError(f"sh, colors: expected exactly one of the two, got {'none' if sh is None else 'both'}.")
@@ -101,8 +101,8 @@ class GsplatRasteriser:
         self, centres: torch.Tensor, camera: Camera, sh: ArrayLike, sh_rotations: ArrayLike | None
     ) -> torch.Tensor:
         """Colours seen from the camera, [N, 3]: gsplat itself cannot turn the direction of each Gaussian."""
-        import gsplat
-        import torch
+        import gsplat  # pyright: ignore[reportMissingImports]
+        import torch  # pyright: ignore[reportMissingImports]
 
         coefficients = self._tensor(sh)
         rotation, shift = camera.viewmat[:3, :3], camera.viewmat[:3, 3]
@@ -113,6 +113,6 @@ class GsplatRasteriser:
         return (gsplat.spherical_harmonics(degree, directions, coefficients) + 0.5).clamp_min(0)
 
     def _tensor(self, array: Any) -> torch.Tensor:
-        import torch
+        import torch  # pyright: ignore[reportMissingImports]
 
         return torch.from_numpy(np.ascontiguousarray(array, np.float32).copy()).to(self.device)
