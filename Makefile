@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -qq
 OUT ?= demo
 BENCH_FLAGS ?=
-TEST_FLAGS ?=
+TEST_FLAGS ?= -n auto --dist loadfile
 
 .PHONY: demo test bench lint format lock clean
 .DEFAULT_GOAL := demo
