@@ -126,6 +126,7 @@ def _finished(
 ) -> Run:
     """The run with all of ``stages`` done."""
     if not again and _holds(run, scene, stages):
+        run.write_scene(scene)  # a change that only later stages read
         recorder.note(f"{run.root} holds this run already; nothing is left to do.")
     else:
         _fill(run, scene, stages, recorder, since=since, again=again)

@@ -184,7 +184,7 @@ class _Forces:
         for push in self._pushes:
             window = "" if math.isinf(push.to_s) else f", {push.from_s:g} to {push.to_s:g} s"
             strength = f"{push.name} {np.linalg.norm(push.value_ms2):.3g} m/s2{window}"
-            entries.append((_FORCE_COLOR if push in active else (205, 205, 205), strength))
+            entries.append((_FORCE_COLOR if push.is_active(time_s) else (205, 205, 205), strength))
         if not self._pushes:
             entries.append((None, "no force"))
         if self._held.any():
