@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lollipop import lollipop
 from mllm_recordings import answer, part, side, striped_images, striped_view
 from mllm_server import fails, says, serving
 from phys4dgen.cli import main
@@ -20,30 +21,12 @@ from phys4dgen.materials.mllm.subimages import CROP_PX, VIEW_PX, picture_view
 from phys4dgen.materials.rules import DEFAULT_SOLID
 from phys4dgen.run.generate import continue_run, generate
 from phys4dgen.scene import Scene, load_scene
-from phys4dgen.types import Frame, Gaussians, MaterialBook, PartMaterials, Parts
+from phys4dgen.types import Frame, MaterialBook, PartMaterials, Parts
 
 pytest.importorskip("openai")
 
 KEY = "sk-live-0b7e55a1c3d94f"
 NAMES = ("block", "stick", "ball")
-
-
-def lollipop():
-    """A ball on a stick that stands in a block, 1,500 small Gaussians, z up, 0.2 m tall."""
-    rng = np.random.default_rng(4)
-    block = rng.uniform([-0.03, -0.03, 0], [0.03, 0.03, 0.04], (500, 3))
-    stick = np.column_stack([rng.normal(0, 0.003, (500, 2)), rng.uniform(0.03, 0.15, 500)])
-    ball = rng.normal(size=(500, 3))
-    ball = [0, 0, 0.17] + 0.03 * ball / np.linalg.norm(ball, axis=1, keepdims=True)
-    colors = np.repeat([[0.6, 0.3, 0.2], [0.9, 0.9, 0.9], [0.9, 0.1, 0.2]], 500, axis=0)
-    gaussians = Gaussians(
-        means=np.concatenate([block, stick, ball]),
-        quats_wxyz=np.tile([1, 0, 0, 0], (1500, 1)),
-        scales=np.full((1500, 3), 0.004),
-        opacities=np.full(1500, 0.95),
-        sh=((colors - 0.5) / 0.28209479)[:, None],
-    )
-    return gaussians, np.repeat([0, 1, 2], 500).astype(np.int32)
 
 
 LOLLIPOP = answer(
