@@ -6,7 +6,8 @@ import re
 from collections.abc import Sequence
 
 from phys4dgen.errors import SceneError, did_you_mean
-from phys4dgen.scene.model import ALL_PARTS, Scene
+from phys4dgen.scene.model import Scene
+from phys4dgen.scene.sections import ALL_PARTS
 
 __all__ = ["DEFAULT_NAME", "check_part_names", "refuse_impossible_part_names"]
 

@@ -25,7 +25,7 @@ from phys4dgen.motion import (
 from phys4dgen.mpm import Acceleration, Body, Ground, Settings, stiff_parts
 from phys4dgen.progress import Progress
 from phys4dgen.scene import ALL_PARTS, Scene
-from phys4dgen.scene.model import Ground as GroundOptions
+from phys4dgen.scene import Ground as GroundOptions
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.motion_facts import MotionFacts, RigidPart
 from phys4dgen.types import Continuum, MaterialBook, Parts

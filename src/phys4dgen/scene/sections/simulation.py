@@ -1,0 +1,36 @@
+"""Section ``simulation``: the Material Point Method in space and time."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from phys4dgen.scene.sections.values import Auto, Section
+
+__all__ = ["Simulation"]
+
+
+class Simulation(Section):
+    """The Material Point Method (Paper: Sec. 3.5)."""
+
+    grid: Auto | Annotated[int, Field(ge=8, le=512)] = "auto"
+    """cells along the object's longest side; auto: 64, fewer where a massive object would take too many particles"""
+    duration_s: Annotated[float, Field(gt=0, le=600)] = 2.0
+    """of the film; frames = round(duration_s * fps)"""
+    fps: Annotated[float, Field(ge=1, le=240)] = 24.0
+    """frames of the film per second"""
+    frame_time_s: Auto | Annotated[float, Field(gt=0, le=10)] = "auto"
+    """simulated time between two frames; auto: 1 / fps (real time)"""
+    cfl: Annotated[float, Field(gt=0, le=0.7)] = 0.6
+    """time step as a share of the time in which a wave crosses a cell"""
+    damping_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.08
+    """of the lowest mode (mass-proportional)"""
+    max_substeps: Annotated[int, Field(ge=10, le=1_000_000)] = 1500
+    """per frame: thin parts are thickened until they need no more"""
+    substep_limit: Annotated[int, Field(ge=10, le=10_000_000)] = 6000
+    """per frame: a part that still needs more moves as a rigid body"""
+    threads: Auto | Annotated[int, Field(ge=1, le=1024)] = "auto"
+    """auto: all cores; at a given number of chunks the result does not depend on it"""
+    chunks: Auto | Annotated[int, Field(ge=1, le=1024)] = "auto"
+    """groups of particles that are summed apart, which fixes the order of summation; auto: the number of threads"""
