@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,9 @@ class RigidParts:
         starts: first vertex of each group, int64 [G + 1].
         impulses: of the ground on each vertex in the last substep, float64 [K, 3].
     """
+
+    STATE: ClassVar[tuple[str, ...]] = ("motion", "constraint", "impulses")
+    """The arrays that change from frame to frame."""
 
     group_of: NDArray[np.int32]
     offsets: NDArray[np.float64]

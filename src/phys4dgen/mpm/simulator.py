@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -174,6 +175,39 @@ class Simulator:
         self.frame = self._make_frame(substeps=substeps, dt_s=dt_s)
         return self.frame
 
+    def checkpoint(self) -> dict[str, NDArray[Any]]:
+        """Arrays by name that ``restore`` needs to go on from the last frame, to the bit; between frames only."""
+        done = np.array([self._frames_done, self.frame.substeps], np.int64)
+        state = {"done": done, "dt_s": np.array(self.frame.dt_s), "columns": self._particles.columns}
+        if self._rigid is not None:
+            state |= {f"rigid_{name}": getattr(self._rigid, name) for name in self._rigid.STATE}
+        return {name: array.copy() for name, array in state.items()}
+
+    def restore(self, saved: Mapping[str, NDArray[Any]]) -> Frame:
+        """Take back what ``checkpoint`` of a simulator of the same body and settings gave; returns its frame.
+
+        Raises:
+            SimulationError: it belongs to another body.
+        """
+        own = self.checkpoint()
+        misfit = [name for name in own if name not in saved or not _alike(own[name], saved[name])]
+        if misfit or len(saved) != len(own):
+            raise SimulationError(
+                f"The checkpoint does not fit the body: expected {', '.join(own)} of the body's sizes, got "
+                f"{', '.join(f'{name} {array.shape}' for name, array in saved.items())}; simulate from the start."
+            )
+        self._frames_done, substeps = (int(value) for value in saved["done"])
+        self._particles.columns[:] = saved["columns"]
+        if self._rigid is not None:
+            for name in self._rigid.STATE:
+                getattr(self._rigid, name)[:] = saved[f"rigid_{name}"]
+        self._cells = np.full_like(self._cells, NEVER_SEEN)
+        time_s = self._frames_done * self.settings.frame_time_s
+        self._max_speed_ms = self._inspect(frame=self._frames_done, time_s=time_s)
+        self._grid = self._lay_grid(frame=self._frames_done, time_s=time_s)
+        self.frame = self._make_frame(substeps=substeps, dt_s=float(saved["dt_s"]))
+        return self.frame
+
     def _substeps_for(self, speed_ms: float) -> int:
         rigid_contact = self._rigid is not None and self.settings.ground is not None
         return substeps_for(self._wave_speed_ms, speed_ms, self.settings, rigid_contact=rigid_contact)
@@ -324,3 +358,7 @@ class Simulator:
             momentum_kgms=diagnostics.momentum_kgms(mass, v),
             angular_momentum_kgm2s=diagnostics.angular_momentum_kgm2s(mass, x, v, c, dx_m=dx_m, about_m=np.zeros(3)),
         )
+
+
+def _alike(first: NDArray[Any], second: NDArray[Any]) -> bool:
+    return first.dtype == second.dtype and first.shape == second.shape
