@@ -8,7 +8,8 @@ from numba import njit
 
 from phys4dgen.mpm.laws import FIXED_COROTATED, LAWS, NEO_HOOKEAN, LawId
 from phys4dgen.mpm.laws.law import respond
-from phys4dgen.vector.lanes import like, load_transposed32, store_transposed
+from phys4dgen.vector.lanes import like
+from phys4dgen.vector.shuffles import load_transposed32, store_transposed
 from reference.mpm_reference import kirchhoff_stress, stored_energy
 
 

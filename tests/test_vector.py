@@ -19,25 +19,33 @@ from phys4dgen.vector.lanes import (
     as_int_bits,
     constant16,
     floor,
-    group_last,
-    group_sums,
     like,
-    load16,
-    load32,
-    load_group_each,
-    load_group_repeated,
-    load_transposed16,
-    load_transposed32,
     maximum,
     minimum,
     splat16,
     splat32,
     sqrt,
-    store,
-    store_transposed,
     to_float,
     to_int,
     where,
+)
+from phys4dgen.vector.matrix import (
+    determinant,
+    left_cauchy_green,
+    polar_rotation,
+    singular_value_decomposition,
+    symmetric_eigen,
+    symmetric_from_eigen,
+)
+from phys4dgen.vector.memory import load16, load32, load_columns32, store, store_columns
+from phys4dgen.vector.shuffles import (
+    group_last,
+    group_sums,
+    load_group_each,
+    load_group_repeated,
+    load_transposed16,
+    load_transposed32,
+    store_transposed,
 )
 
 ramp = constant16(range(16))
@@ -199,22 +207,57 @@ def test_log_and_exp():
 
 
 @njit
+def _log1p_expm1(x, logs, exps):
+    for i in range(0, x.size, 16):
+        a = load16(x, i)
+        store(logs, i, lane_math.log1p(maximum(a, like(a, np.float32(-0.999)))))
+        store(exps, i, lane_math.expm1(a))
+
+
+def test_log1p_and_expm1_keep_the_digits_of_small_numbers():
+    small = 10.0 ** np.linspace(-12, -1, 500)
+    x = np.concatenate([small, -small, np.linspace(-0.999, 3, 2000), np.linspace(-20, 40, 1096)]).astype(np.float32)
+    logs, exps = np.full_like(x, np.inf), np.full_like(x, np.inf)
+    _log1p_expm1(x, logs, exps)
+    exact = x.astype(np.float64)
+    np.testing.assert_allclose(logs, np.log1p(np.maximum(exact, float(np.float32(-0.999)))), rtol=6e-7)
+    np.testing.assert_allclose(exps, np.expm1(exact), rtol=6e-7)
+
+
+@njit
+def _columns(x, out):
+    a, b, c = load_columns32(x, 1, 40, 3)
+    store_columns(out, 2, 50, (c, a + b))
+    store_columns(out, 0, 50, load_columns32(x, 0, 40, 0))
+
+
+def test_columns_of_lanes():
+    x = np.random.default_rng(7).normal(size=120).astype(np.float32)
+    out = np.full(100, np.inf, np.float32)
+    _columns(x, out)
+    a, b, c = x[1:33], x[41:73], x[81:113]
+    np.testing.assert_array_equal(out[2:34], c)
+    np.testing.assert_array_equal(out[52:84], a + b)
+    assert np.isinf(out[[0, 1, 34, 51, 84, 99]]).all()
+
+
+@njit
 def _decompose(f, u, s, v, r, lam, q, b, det):
     rows = load_transposed32(f, 0)
     matrix = rows[:9]
     zero = like(rows[0], np.float32(0))
     pad = (zero, zero, zero, zero, zero, zero, zero)
-    left, values, right = lane_math.singular_value_decomposition(matrix)
+    left, values, right = singular_value_decomposition(matrix)
     store_transposed(u, 0, left + pad)
     store_transposed(v, 0, right + pad)
-    store_transposed(r, 0, lane_math.polar_rotation(matrix) + pad)
-    eigenvalues, vectors = lane_math.symmetric_eigen(lane_math.left_cauchy_green(matrix), 5)
+    store_transposed(r, 0, polar_rotation(matrix) + pad)
+    eigenvalues, vectors = symmetric_eigen(left_cauchy_green(matrix), 5)
     store_transposed(q, 0, vectors + pad)
-    store_transposed(b, 0, (*lane_math.symmetric_from_eigen(eigenvalues, vectors), zero, zero, zero, *pad))
+    store_transposed(b, 0, (*symmetric_from_eigen(eigenvalues, vectors), zero, zero, zero, *pad))
     for k in range(3):
         store(s, 32 * k, values[k])
         store(lam, 32 * k, eigenvalues[k])
-    store(det, 0, lane_math.determinant(matrix))
+    store(det, 0, determinant(matrix))
 
 
 def decompose(f):

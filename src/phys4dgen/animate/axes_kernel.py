@@ -10,19 +10,11 @@ from numba import njit
 
 from phys4dgen.animate.kernels import load3, load_matrices
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
-from phys4dgen.vector.lanes import (
-    absolute,
-    any_lane,
-    like,
-    load16,
-    maximum,
-    splat16,
-    sqrt,
-    store,
-    store_transposed,
-    where,
-)
-from phys4dgen.vector.math import inline, matmul
+from phys4dgen.vector.lanes import absolute, any_lane, like, maximum, splat16, sqrt, where
+from phys4dgen.vector.math import inline
+from phys4dgen.vector.matrix import matmul
+from phys4dgen.vector.memory import load16, store
+from phys4dgen.vector.shuffles import store_transposed
 
 __all__ = ["axes_slice"]
 

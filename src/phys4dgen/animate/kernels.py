@@ -15,17 +15,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
-from phys4dgen.vector.lanes import (
-    any_lane,
-    like,
-    load16,
-    load_transposed16,
-    splat16,
-    store,
-    store_transposed,
-    where,
-)
-from phys4dgen.vector.math import determinant, inline, matmul
+from phys4dgen.vector.lanes import any_lane, like, splat16, where
+from phys4dgen.vector.math import inline
+from phys4dgen.vector.matrix import determinant, matmul
+from phys4dgen.vector.memory import load16, store
+from phys4dgen.vector.shuffles import load_transposed16, store_transposed
 
 __all__ = ["LANES", "blocked", "carry_slice", "covariance_slice", "load3", "load_matrices", "polar_slice"]
 

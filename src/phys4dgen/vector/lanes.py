@@ -8,8 +8,7 @@ A lane type has a kind (float32, int32 or bool) and a number of lanes. Python nu
 broadcast. Comparisons give bool lanes for ``where`` and ``any_lane``. Arithmetic is fast-math: NaN and infinity may
 appear but are never relied on.
 
-Loads and stores take a one-dimensional contiguous float32 array (int32 for int lanes) and an element index; they
-check no bounds and need no alignment.
+``memory`` loads and stores lanes, ``shuffles`` moves numbers between them.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import lower_builtin, lower_cast, models, register_model
 
 __all__ = [
+    "FAST_MATH",
     "Lanes",
     "absolute",
     "add_compensated",
@@ -36,24 +36,15 @@ __all__ = [
     "float32x16",
     "float32x32",
     "floor",
-    "group_last",
-    "group_sums",
     "int32x16",
     "int32x32",
     "like",
-    "load16",
-    "load32",
-    "load_group_each",
-    "load_group_repeated",
-    "load_transposed16",
-    "load_transposed32",
     "maximum",
     "minimum",
+    "shuffled",
     "splat16",
     "splat32",
     "sqrt",
-    "store",
-    "store_transposed",
     "to_float",
     "to_int",
     "where",
@@ -65,7 +56,8 @@ infer_global: Any = templates.infer_global
 
 _I32 = ir.IntType(32)
 _ELEMENTS = {"float32": ir.FloatType(), "int32": _I32, "bool": ir.IntType(1)}
-_FAST = ("nsz", "arcp", "contract", "reassoc", "afn", "ninf", "nnan")
+FAST_MATH = ("nsz", "arcp", "contract", "reassoc", "afn", "ninf", "nnan")
+"""Flags of floating-point instructions, for intrinsics."""
 
 
 class Lanes(types.Type):
@@ -105,7 +97,8 @@ def _broadcast(builder: Any, value: Any, vector: ir.VectorType) -> Any:
     return builder.shuffle_vector(first, undefined, zeros)
 
 
-def _shuffle(builder: Any, a: Any, b: Any, order: Sequence[int]) -> Any:
+def shuffled(builder: Any, a: Any, b: Any, order: Sequence[int]) -> Any:
+    """For intrinsics: the lanes ``order`` of a followed by b."""
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, len(order)), list(order)))
 
 
@@ -140,7 +133,7 @@ def _define_binary(op: Any, kind: str, emit: Callable[[Any, Any, Any], Any], res
 
 
 def _fast(method: str) -> Callable[[Any, Any, Any], Any]:
-    return lambda builder, a, b: getattr(builder, method)(a, b, flags=_FAST)
+    return lambda builder, a, b: getattr(builder, method)(a, b, flags=FAST_MATH)
 
 
 def _plain(method: str) -> Callable[[Any, Any, Any], Any]:
@@ -186,7 +179,7 @@ class _Negative(AbstractTemplate):
 
 @lower_builtin(operator.neg, Lanes)
 def _lower_negative(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return builder.fneg(args[0], flags=_FAST)
+    return builder.fneg(args[0], flags=FAST_MATH)
 
 
 # ---------------------------------------------------------------------------------------------------- functions
@@ -198,7 +191,7 @@ def _llvm_float_call(name: str, count: int) -> Any:
         function_type = ir.FunctionType(vector, [vector] * count)
         full_name = f"llvm.{name}.v{vector.count}f32"
         return builder.call(
-            cgutils.get_or_insert_function(builder.module, function_type, full_name), args, fastmath=_FAST
+            cgutils.get_or_insert_function(builder.module, function_type, full_name), args, fastmath=FAST_MATH
         )
 
     return emit
@@ -335,165 +328,3 @@ def constant16(values: Sequence[float]) -> Any:
         return float32x16(), lambda context, builder, sig, args: ir.Constant(float32x16.llvm, constants)
 
     return constant
-
-
-# ------------------------------------------------------------------------------------------------------- memory
-
-
-def _element_pointer(context: Any, builder: Any, array_type: Any, array: Any, index_type: Any, index: Any) -> Any:
-    data = context.make_array(array_type)(context, builder, array).data
-    return builder.gep(data, [context.cast(builder, index, index_type, types.intp)])
-
-
-def _load_vector(context: Any, builder: Any, sig: Any, args: Any, vector: ir.VectorType) -> Any:
-    pointer = _element_pointer(context, builder, sig.args[0], args[0], sig.args[1], args[1])
-    value = builder.load(builder.bitcast(pointer, vector.as_pointer()))
-    value.align = 4
-    return value
-
-
-def _array_kind(array: Any) -> str:
-    return "int32" if array.dtype == types.int32 else "float32"
-
-
-@intrinsic
-def load16(typing_context, array, index):
-    """16 lanes from array[index], [index + 1], ..."""
-    lanes = Lanes(_array_kind(array), 16)
-    return lanes(array, index), lambda c, b, sig, args: _load_vector(c, b, sig, args, lanes.llvm)
-
-
-@intrinsic
-def load32(typing_context, array, index):
-    """32 lanes from array[index], [index + 1], ..."""
-    lanes = Lanes(_array_kind(array), 32)
-    return lanes(array, index), lambda c, b, sig, args: _load_vector(c, b, sig, args, lanes.llvm)
-
-
-@intrinsic
-def store(typing_context, array, index, lanes):
-    """Write all lanes to array[index], [index + 1], ..."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _element_pointer(context, builder, sig.args[0], args[0], sig.args[1], args[1])
-        builder.store(args[2], builder.bitcast(pointer, lanes.llvm.as_pointer())).align = 4
-        return context.get_dummy_value()
-
-    return types.none(array, index, lanes), emit
-
-
-# ------------------------------------------------------------- groups: 16 lanes as four groups of four lanes
-
-
-@intrinsic
-def load_group_repeated(typing_context, array, index):
-    """The four floats a b c d at array[index] in every group: abcd abcd abcd abcd."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        four = _load_vector(context, builder, sig, args, ir.VectorType(ir.FloatType(), 4))
-        return _shuffle(builder, four, four, [lane % 4 for lane in range(16)])
-
-    return float32x16(array, index), emit
-
-
-@intrinsic
-def load_group_each(typing_context, array, index):
-    """The four floats a b c d at array[index], one per group: aaaa bbbb cccc dddd."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        four = _load_vector(context, builder, sig, args, ir.VectorType(ir.FloatType(), 4))
-        return _shuffle(builder, four, four, [lane // 4 for lane in range(16)])
-
-    return float32x16(array, index), emit
-
-
-@intrinsic
-def group_last(typing_context, x):
-    """The last lane of each group in all four lanes of the group."""
-    order = [lane // 4 * 4 + 3 for lane in range(16)]
-    return float32x16(float32x16), lambda context, builder, sig, args: _shuffle(builder, args[0], args[0], order)
-
-
-@intrinsic
-def group_sums(typing_context, p, q, r, s):
-    """Sum of the first three groups of each argument: [sum of p | sum of q | sum of r | sum of s]."""
-
-    def pair(i: int, j: int) -> list[int]:
-        return [4 * i + lane for lane in range(4)] + [4 * j + lane for lane in range(4)]
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        p, q, r, s = args
-        low_pq, low_rs = (_shuffle(builder, a, b, pair(0, 4) + pair(1, 5)) for a, b in ((p, q), (r, s)))
-        high_pq, high_rs = (_shuffle(builder, a, b, pair(2, 6) + pair(3, 7)) for a, b in ((p, q), (r, s)))
-        first = _shuffle(builder, low_pq, low_rs, pair(0, 1) + pair(4, 5))
-        second = _shuffle(builder, low_pq, low_rs, pair(2, 3) + pair(6, 7))
-        third = _shuffle(builder, high_pq, high_rs, pair(0, 1) + pair(4, 5))
-        return builder.fadd(builder.fadd(first, second, flags=_FAST), third, flags=_FAST)
-
-    return float32x16(p, q, r, s), emit
-
-
-# --------------------------------------------------------- transposition: rows of 16 floats <-> columns in lanes
-
-
-def _transpose16(builder: Any, rows: Sequence[Any]) -> list[Any]:
-    """16 x 16 transposition in registers: swap off-diagonal blocks of side 8, 4, 2, 1."""
-    rows = list(rows)
-    for side in (8, 4, 2, 1):
-        for i in range(16):
-            if not i & side:
-                a, b = rows[i], rows[i + side]
-                rows[i] = _shuffle(builder, a, b, [k + 16 - side if k & side else k for k in range(16)])
-                rows[i + side] = _shuffle(builder, a, b, [k + 16 if k & side else k + side for k in range(16)])
-    return rows
-
-
-def _row_pointer(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    pointer = _element_pointer(context, builder, sig.args[0], args[0], sig.args[1], args[1])
-    return builder.bitcast(pointer, float32x16.llvm.as_pointer())
-
-
-def _emit_load_transposed(count: int) -> Any:
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _row_pointer(context, builder, sig, args)
-        blocks = []
-        for start in range(0, count, 16):
-            rows = [builder.load(builder.gep(pointer, [ir.Constant(_I32, start + k)])) for k in range(16)]
-            for row in rows:
-                row.align = 4
-            blocks.append(_transpose16(builder, rows))
-        columns = blocks[0]
-        if count == 32:
-            columns = [_shuffle(builder, low, high, range(32)) for low, high in zip(*blocks, strict=True)]
-        return context.make_tuple(builder, sig.return_type, columns)
-
-    return emit
-
-
-@intrinsic
-def load_transposed16(typing_context, array, index):
-    """16 rows of 16 floats from array[index] on -> the 16 columns, each 16 lanes (lane = row)."""
-    return types.UniTuple(float32x16, 16)(array, index), _emit_load_transposed(16)
-
-
-@intrinsic
-def load_transposed32(typing_context, array, index):
-    """32 rows of 16 floats from array[index] on -> the 16 columns, each 32 lanes (lane = row)."""
-    return types.UniTuple(float32x32, 16)(array, index), _emit_load_transposed(32)
-
-
-@intrinsic
-def store_transposed(typing_context, array, index, columns):
-    """Write 16 columns of 16 or 32 lanes as that many rows of 16 floats, from array[index] on."""
-    count = columns.dtype.count
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _row_pointer(context, builder, sig, args)
-        lanes = cgutils.unpack_tuple(builder, args[2], 16)
-        for start in range(0, count, 16):
-            rows = _transpose16(builder, [_shuffle(builder, x, x, range(start, start + 16)) for x in lanes])
-            for k, row in enumerate(rows):
-                builder.store(row, builder.gep(pointer, [ir.Constant(_I32, start + k)])).align = 4
-        return context.get_dummy_value()
-
-    return types.none(array, index, columns), emit

@@ -10,16 +10,9 @@ import numpy as np
 from phys4dgen.mpm.kernels.contact import allowed_velocity
 from phys4dgen.mpm.kernels.layout import kernel
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
-from phys4dgen.vector.lanes import (
-    constant16,
-    group_last,
-    load16,
-    load_group_each,
-    maximum,
-    splat16,
-    store,
-    where,
-)
+from phys4dgen.vector.lanes import constant16, maximum, splat16, where
+from phys4dgen.vector.memory import load16, store
+from phys4dgen.vector.shuffles import group_last, load_group_each
 
 __all__ = ["grid_plane"]
 

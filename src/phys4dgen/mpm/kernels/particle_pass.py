@@ -37,25 +37,17 @@ from phys4dgen.mpm.kernels.layout import (
 )
 from phys4dgen.mpm.laws.law import respond
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
-from phys4dgen.vector.lanes import (
-    add_compensated,
-    constant16,
-    floor,
+from phys4dgen.vector.lanes import add_compensated, constant16, floor, like, maximum, minimum, splat16, to_int
+from phys4dgen.vector.math import inline
+from phys4dgen.vector.matrix import matmul
+from phys4dgen.vector.memory import load16, load32, store
+from phys4dgen.vector.shuffles import (
     group_sums,
-    like,
-    load16,
-    load32,
     load_group_each,
     load_group_repeated,
     load_transposed32,
-    maximum,
-    minimum,
-    splat16,
-    store,
     store_transposed,
-    to_int,
 )
-from phys4dgen.vector.math import inline, matmul
 
 __all__ = ["particle_pass"]
 

@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 
 from phys4dgen.mpm.laws.law import Law, LawId, register
 from phys4dgen.vector.lanes import like, maximum, sqrt
-from phys4dgen.vector.math import identity_plus, inline, left_cauchy_green, symmetric_eigen, symmetric_from_eigen
+from phys4dgen.vector.math import inline
+from phys4dgen.vector.matrix import identity_plus, left_cauchy_green, symmetric_eigen, symmetric_from_eigen
 
 __all__ = ["FIXED_COROTATED", "energy_density_pa", "response"]
 

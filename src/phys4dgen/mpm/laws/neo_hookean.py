@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from phys4dgen.mpm.laws.law import Law, LawId, register
 from phys4dgen.vector.lanes import like, maximum
-from phys4dgen.vector.math import determinant, identity_plus, inline, left_cauchy_green, log
+from phys4dgen.vector.math import inline, log
+from phys4dgen.vector.matrix import determinant, identity_plus, left_cauchy_green
 
 __all__ = ["NEO_HOOKEAN", "energy_density_pa", "response"]
 
