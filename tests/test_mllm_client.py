@@ -452,7 +452,10 @@ def test_every_key_goes_to_its_own_host_alone():
         ("http://localhost:11434/v1", "p"),
     ):
         assert endpoint("m", url, environment=keys).key == key
-    assert KEY not in repr(endpoint("m", environment={"OPENAI_API_KEY": KEY}))
+    secret = endpoint("m", environment={"OPENAI_API_KEY": KEY})
+    assert KEY not in repr(secret)
+    assert secret.without_key(f"sent {KEY}!") == "sent [key]!"
+    assert endpoint("m", "http://localhost:1/v1", environment=keys).without_key("apples") == "apples"
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,16 @@ from phys4dgen.cli import main
 from phys4dgen.errors import StageError
 from phys4dgen.formats import save_gaussians
 from phys4dgen.materials import read_materials
-from phys4dgen.materials.mllm import Asking, PartView, endpoint, front_views, identify_by_model, make_sub_images
+from phys4dgen.materials.mllm import (
+    Asking,
+    PartView,
+    endpoint,
+    front_views,
+    identify_by_model,
+    kept_pictures,
+    make_sub_images,
+    pictures_digest,
+)
 from phys4dgen.materials.mllm.subimages import CROP_PX, VIEW_PX, picture_view
 from phys4dgen.materials.rules import DEFAULT_SOLID
 from phys4dgen.run.generate import continue_run, generate
@@ -162,6 +171,29 @@ def test_the_users_picture_is_the_canonical_view_where_there_is_one():
     assert (view.rgb[48:] == 64).all()
 
 
+def test_pictures_are_drawn_once_and_anew_when_they_were_touched(tmp_path):
+    drawn = []
+
+    def draw():
+        drawn.append(1)
+        return striped_images(3)
+
+    labels = np.arange(6, dtype=np.int32)
+    digest = pictures_digest((labels, None))
+    first = kept_pictures(tmp_path, digest, draw)
+    again = kept_pictures(tmp_path, digest, draw)
+    assert len(drawn) == 1
+    assert (again.canonical, again.overlay, again.crops) == (first.canonical, first.overlay, first.crops)
+    assert (again.letters, again.unseen) == (first.letters, first.unseen)
+    (tmp_path / "sent_part_B.png").write_bytes(first.crops["A"])
+    assert kept_pictures(tmp_path, digest, draw).crops == first.crops
+    kept_pictures(tmp_path, pictures_digest((labels[::-1], None)), draw)
+    for damage in ("", "[]", '{"digest": "' + digest + '", "letters": {"../x": 0}, "unseen": [], "files": {}}'):
+        (tmp_path / "sent.json").write_text(damage)
+        assert kept_pictures(tmp_path, digest, draw).crops == first.crops
+    assert len(drawn) == 6
+
+
 # ----------------------------------------------------------------------------------------------------- run folders
 
 
@@ -263,7 +295,7 @@ def test_wrong_flags_are_told(run, words, capsys):
 def six(tmp_path, server, **options):
     rules = MaterialBook({f"part_{i}": PartMaterials(DEFAULT_SOLID, DEFAULT_SOLID) for i in range(6)})
     return identify_by_model(
-        endpoint("m", server.url, environment={}), lambda: striped_images(6), tuple(rules.parts), rules,
+        endpoint("m", server.url, environment={}), striped_images(6), tuple(rules.parts), rules,
         asking=Asking(**options), folder=tmp_path / "answers",
     )  # fmt: skip
 

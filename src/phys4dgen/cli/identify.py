@@ -44,7 +44,9 @@ def run(arguments: Arguments) -> int:
     from phys4dgen.run.identification import compare_models, identify_again, write_reliability
 
     scene = scene_of_run(options.folder)
-    usual = {"materials.backend": ("mllm", "identify")} if scene.materials.backend == "auto" else {}
+    usual: dict[str, tuple[object, str]] = {"materials.offline": (False, "identify")}  # holds for one call
+    if scene.materials.backend == "auto":
+        usual["materials.backend"] = ("mllm", "identify")
     scene = scene_with(scene, {**usual, **arguments.overrides})
 
     def job(progress: Progress) -> list[Path]:

@@ -79,7 +79,7 @@ def compare_models(folder: Path, scene: Scene, models: Sequence[str], *, progres
         raise SceneError("--compare: expected at least two models, as in gpt-4o,gemma3:12b@http://localhost:11434/v1.")
     with RunFolder(folder).claim() as run:
         parts, source = read_groups(run), read_source(run, scene)
-        images = pictures_for_model(source, load(scene, source, progress), parts)
+        images = pictures_for_model(source, load(scene, source, progress), parts, folder / _ANSWERS)
         answers = _answers(scene, models, images, parts.names, folder / _ANSWERS, progress)
         letters = {parts.names[number]: letter for number, letter in images.letters.items()}
         return _write(folder / "comparison.md", comparison_table(answers, letters))

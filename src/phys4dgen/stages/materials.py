@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,7 +75,7 @@ def _by_model(
     try:
         found = identify_by_model(
             model_endpoint(scene),
-            partial(pictures_for_model, source, asset, parts),
+            pictures_for_model(source, asset, parts, answers),
             parts.names,
             rules,
             asking=asking(scene),
@@ -104,14 +103,22 @@ def _judge_size(found: Identification, scene: Scene, asset: Asset, progress: Pro
         progress.note(f"{said}.")
 
 
-def pictures_for_model(source: Source, asset: Asset, parts: Parts) -> SubImages:
-    """The pictures that a model is shown: of the user's picture where there is one, else of the front view."""
-    from phys4dgen.materials.mllm import front_views, make_sub_images, picture_view
+def pictures_for_model(source: Source, asset: Asset, parts: Parts, folder: Path) -> SubImages:
+    """The pictures that a model is shown: of the user's picture where there is one, else of the front view.
 
-    canonical, others = front_views(asset.gaussians, parts, asset.frame)
-    if source.picture is not None and source.camera is not None:
-        canonical = picture_view(asset.gaussians, parts, source.picture, source.camera)
-    return make_sub_images(canonical, others, parts.count)
+    They are kept in ``folder`` and drawn only where it has none of this object with these parts.
+    """
+    from phys4dgen.materials.mllm import front_views, kept_pictures, make_sub_images, picture_view, pictures_digest
+
+    def draw() -> SubImages:
+        canonical, others = front_views(asset.gaussians, parts, asset.frame)
+        if source.picture is not None and source.camera is not None:
+            canonical = picture_view(asset.gaussians, parts, source.picture, source.camera)
+        return make_sub_images(canonical, others, parts.count)
+
+    g = asset.gaussians
+    shown = (g.means, g.quats_wxyz, g.scales, g.opacities, g.sh, parts.labels, asset.frame.rotation, source.picture)
+    return kept_pictures(folder, pictures_digest(shown), draw)
 
 
 def model_endpoint(scene: Scene) -> Endpoint:

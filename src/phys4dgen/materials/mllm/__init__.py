@@ -4,6 +4,7 @@ from phys4dgen.materials.mllm.budget import Limits
 from phys4dgen.materials.mllm.cache import AnswerCache
 from phys4dgen.materials.mllm.endpoint import DEFAULT_BASE_URL, DEFAULT_MODEL, Endpoint, endpoint
 from phys4dgen.materials.mllm.identify import Asking, Identification, identify_by_model, kept_answers, telling_names
+from phys4dgen.materials.mllm.kept_pictures import kept_pictures, pictures_digest
 from phys4dgen.materials.mllm.reading import Reading
 from phys4dgen.materials.mllm.reliability import comparison_table, reliability_table
 from phys4dgen.materials.mllm.sampling import Asked, ask
@@ -27,8 +28,10 @@ __all__ = [
     "front_views",
     "identify_by_model",
     "kept_answers",
+    "kept_pictures",
     "make_sub_images",
     "picture_view",
+    "pictures_digest",
     "reliability_table",
     "telling_names",
 ]

@@ -20,6 +20,8 @@ DEFAULT_BASE_URL = "https://api.openai.com/v1"
 _KEY_VARIABLES = {"api.openai.com": "OPENAI_API_KEY", "generativelanguage.googleapis.com": "GEMINI_API_KEY"}
 OTHER_KEY_VARIABLE = "PHYS4DGEN_MLLM_KEY"
 """Environment variable with the key of any other server."""
+_SHORTEST_SECRET = 8
+"""Shorter keys are what people give servers that want none ("x", "EMPTY"): to replace them would spoil answers."""
 _MODEL = re.compile(r"[\w][\w./:@-]{0,127}")
 
 
@@ -49,7 +51,7 @@ class Endpoint:
 
     def without_key(self, text: str) -> str:
         """The text with the key, should it stand in there, replaced."""
-        return text.replace(self.key, "[key]") if self.key else text
+        return text.replace(self.key, "[key]") if len(self.key) >= _SHORTEST_SECRET else text
 
 
 def endpoint(

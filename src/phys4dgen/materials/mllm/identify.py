@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -75,7 +75,7 @@ class Identification:
 
 def identify_by_model(
     target: Endpoint,
-    pictures: Callable[[], SubImages],
+    images: SubImages,
     part_names: Sequence[str],
     rules: MaterialBook,
     *,
@@ -87,18 +87,16 @@ def identify_by_model(
 
     Args:
         target: the model.
-        pictures: makes what is sent.
+        images: what is sent.
         part_names: names of all parts in the order of their numbers.
         rules: the rule table's materials: the second opinion, and the answer for parts that the model left out.
         asking: how to ask.
-        folder: where pictures, answers and the summary are kept.
+        folder: where answers and the summary are kept.
         progress: told what is sent, what it cost, and what was found.
 
     Raises:
         StageError: nothing may be or could be asked, or no answer could be read.
     """
-    images = pictures()
-    _keep_pictures(images, folder)
     asked = ask(
         target,
         images,
@@ -200,17 +198,6 @@ def _left_out(materials: PartMaterials, *, hidden: bool) -> PartMaterials:
         return replace(material, warnings=(f"{why}, so the rule table decides", *material.warnings))
 
     return PartMaterials(surface=with_reason(materials.surface), interior=with_reason(materials.interior))
-
-
-def _keep_pictures(images: SubImages, folder: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    for stale in folder.glob("sent_*.png"):
-        stale.unlink()
-    named = {"object": images.canonical, "parts": images.overlay}
-    named |= {f"part_{letter}": png for letter, png in images.crops.items()}
-    for name, png in named.items():
-        with atomic_path(folder / f"sent_{name}.png") as temporary:
-            temporary.write_bytes(png)
 
 
 def _summary(
