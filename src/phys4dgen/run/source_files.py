@@ -22,7 +22,7 @@ def write_source(run: RunFolder, source: Source) -> None:
     """Write ``gaussians.ply`` and ``reconstruct/``: the maker and, where it knows them, cut-out, camera and inside."""
     save_gaussians(source.gaussians, run.gaussians_ply)
     if source.picture is None or source.camera is None:
-        run.write_json(run.source_json, {"backend": source.backend})
+        run.write_json(run.source_json, {"backend": source.backend, "up": source.up})
         return
     write_png(np.rint(source.picture * 255).astype(np.uint8), run.cutout_png)
     camera = source.camera
@@ -45,8 +45,9 @@ def read_source(run: RunFolder, scene: Scene) -> Source:
     if not is_picture(scene.input):
         return Source(load_gaussians(scene.input), "splat as given")
     facts = json.loads(run.source_json.read_text("utf-8"))
+    up = None if facts["up"] is None else np.array(facts["up"])
     if "viewmat" not in facts:
-        return Source(load_gaussians(run.gaussians_ply), facts["backend"])
+        return Source(load_gaussians(run.gaussians_ply), facts["backend"], up=up)
     camera = Camera(
         viewmat=np.array(facts["viewmat"]), K=np.array(facts["K"]), width=facts["width"], height=facts["height"]
     )
@@ -58,7 +59,7 @@ def read_source(run: RunFolder, scene: Scene) -> Source:
     return Source(
         load_gaussians(run.gaussians_ply),
         facts["backend"],
-        up=None if facts["up"] is None else np.array(facts["up"]),
+        up=up,
         picture=None if cutout.alpha is None else np.concatenate([cutout.rgb, cutout.alpha[..., None]], -1),
         camera=camera,
         solid=solid,

@@ -225,11 +225,14 @@ def scene_settings(scene: Scene) -> dict[str, Any]:
         ("input", scene.input),
         ("reconstruct.mask", scene.reconstruct.mask),
         ("reconstruct.matte_model", scene.reconstruct.matte_model),
+        ("reconstruct.checkpoint", scene.reconstruct.checkpoint),
         ("grouping.labels_file", scene.grouping.labels_file),
         ("materials.file", scene.materials.file),
     ):
         if path is not None:
             leaves[key] = file_digest(path)
+    if scene.reconstruct.views:
+        leaves["reconstruct.views"] = [file_digest(path) for path in scene.reconstruct.views]
     return leaves
 
 
@@ -249,8 +252,15 @@ def _concerns(stage: Stage, key: str) -> bool:
     return listed and not any(fnmatchcase(key, pattern) for pattern in stage.ignores)
 
 
+_FILES = (
+    *("input", "reconstruct.mask", "reconstruct.matte_model", "reconstruct.checkpoint", "reconstruct.views"),
+    *("grouping.labels_file", "materials.file"),
+)
+"""Keys whose values are files, compared by content."""
+
+
 def _said(key: str, before: Any, now: Any) -> str:
-    if key in ("input", "reconstruct.mask", "reconstruct.matte_model", "grouping.labels_file", "materials.file"):
+    if key in _FILES:
         return f"the file of {key} changed"
     return f"{key} is {_short(now)} and was {_short(before)}"
 

@@ -130,8 +130,9 @@ class Scene(Section):
             grouping = grouping.model_copy(update={"labels_file": folder / grouping.labels_file})
         if materials.file is not None:
             materials = materials.model_copy(update={"file": folder / materials.file})
-        named = {name: getattr(self.reconstruct, name) for name in ("mask", "matte_model")}
-        paths = {name: folder / path for name, path in named.items() if path is not None}
+        named = {name: getattr(self.reconstruct, name) for name in ("mask", "matte_model", "checkpoint")}
+        paths: dict[str, Any] = {name: folder / path for name, path in named.items() if path is not None}
+        paths["views"] = tuple(folder / path for path in self.reconstruct.views)
         sections = {"grouping": grouping, "materials": materials}
         sections["reconstruct"] = self.reconstruct.model_copy(update=paths)
         return self.model_copy(update={"input": folder / self.input, **sections})

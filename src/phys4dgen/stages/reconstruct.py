@@ -49,6 +49,8 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
     from phys4dgen.reconstruct.inflate import InflatedSolid, InflateOptions, inflate
 
     chosen = scene.reconstruct
+    if _takes_lgm(scene, progress):
+        return _by_lgm(scene, progress)
     cutout = cut_out(scene.input, mask=chosen.mask, matte_model=chosen.matte_model)
     progress.note(f"The object was cut out of the picture by {cutout.source}.")
     if chosen.backend == "command":
@@ -71,3 +73,32 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
         camera=made.camera,
         solid=solid,
     )
+
+
+def _takes_lgm(scene: Scene, progress: Progress) -> bool:
+    """Whether LGM is asked for, or ready where the choice is ours."""
+    chosen = scene.reconstruct
+    if chosen.backend != "auto" or chosen.checkpoint is None:
+        return chosen.backend == "lgm"
+    from phys4dgen.reconstruct.lgm.generator import torch_is_installed
+
+    if not torch_is_installed():
+        progress.warn(
+            "A checkpoint of LGM is given, but torch is not installed, so the stand-in makes the object; "
+            "pip install 'phys4dgen[models]'."
+        )
+    return torch_is_installed()
+
+
+def _by_lgm(scene: Scene, progress: Progress) -> Source:
+    """The object that LGM sees in four views; the input itself is not looked at."""
+    from phys4dgen.reconstruct.lgm.configuration import BIG
+    from phys4dgen.reconstruct.lgm.four_views import read_views
+    from phys4dgen.reconstruct.lgm.generator import reconstruct_by_lgm
+
+    chosen = scene.reconstruct
+    assert chosen.checkpoint is not None  # the scene holds checkpoint and views together
+    made = reconstruct_by_lgm(read_views(chosen.views, size_px=BIG.input_px), chosen.checkpoint)
+    for warning in made.warnings:
+        progress.warn(warning)
+    return Source(made.gaussians, made.backend, up=np.array([0.0, 1.0, 0.0]), picture=made.picture, camera=made.camera)

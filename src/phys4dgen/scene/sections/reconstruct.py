@@ -14,8 +14,14 @@ __all__ = ["Reconstruct"]
 class Reconstruct(Section):
     """How a picture becomes Gaussians (Paper: Sec. 3.1); of no effect on a splat."""
 
-    backend: Literal["auto", "inflate", "command"] = "auto"
-    """inflate: from the outline (stand-in for LGM); command: the program argv; auto: inflate"""
+    backend: Literal["auto", "inflate", "lgm", "command"] = "auto"
+    """inflate: from the outline (stand-in for LGM); lgm: by that network; command: the program argv; auto: lgm where
+    checkpoint, views and torch are there, else inflate"""
+    checkpoint: FilePath | None = None
+    """of lgm: its public weights, model_fp16_fixrot.safetensors"""
+    views: Annotated[tuple[FilePath, ...], BeforeValidator(as_tuple)] = ()
+    """of lgm: four square pictures of the object on white or on nothing: front, from the viewer's right, back, from the
+    viewer's left (docs/lgm.md)"""
     argv: Annotated[tuple[str, ...], BeforeValidator(as_tuple)] = ()
     """of command: program and arguments, {image} for the RGBA picture, {out} for the .ply to write; no shell"""
     timeout_s: Annotated[float, Field(gt=0, le=86_400)] = 1800.0
@@ -33,6 +39,16 @@ class Reconstruct(Section):
     def _one_way_to_find_the_object(self) -> Reconstruct:
         if self.mask is not None and self.matte_model is not None:
             raise ValueError("mask and matte_model both say where the object is; keep one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _lgm_has_its_files(self) -> Reconstruct:
+        if self.backend == "lgm" and self.checkpoint is None:
+            raise ValueError("backend 'lgm' needs checkpoint, the file model_fp16_fixrot.safetensors")
+        if (self.checkpoint is not None and len(self.views) != 4) or (self.checkpoint is None and self.views):
+            raise ValueError(f"lgm needs checkpoint and four views together, got {len(self.views)} views")
+        if self.checkpoint is not None and self.backend not in ("auto", "lgm"):
+            raise ValueError(f"checkpoint is given but backend is '{self.backend}'; choose 'lgm'")
         return self
 
     @model_validator(mode="after")
