@@ -4,7 +4,7 @@
 
 Prints: displacement of what moves (99th percentile and largest, share of the height) and of what must not; what is left
 of the displacement after the best affine fit; frequency and damping ratio of the tip after the gust; and how far the
-edges of the 8-neighbour graph of Gaussians and of particles inside one part grow.
+edges of the 8-neighbour graph of Gaussians inside one part grow, and how rough their F is.
 """
 
 from __future__ import annotations
@@ -61,6 +61,10 @@ def main() -> None:
     unit = float(cameras["metres_per_unit"])
     spacing = float(continuum["spacing_m"]) / unit
     _report_edges("Gaussians", rest, groups["labels"], positions, spacing, visible=gaussians.opacities > 0.1)
+    _report_roughness(
+        rest, groups["labels"], motion["deformation_gradients"], largest, visible=gaussians.opacities > 0.1
+    )
+    print(f"particles: {len(continuum['positions'])}")
 
 
 def _affine_residual(rest, positions, moving) -> float:
@@ -123,9 +127,8 @@ def _report_tips(times, positions, rest, chosen, side: float, run: Path) -> None
     )
 
 
-def _report_edges(what: str, rest, labels, positions, spacing: float, *, visible) -> None:
-    """How many edges of the 8-neighbour graph within one part grow by more than half of max(length, spacing)."""
-    index = np.flatnonzero(visible)
+def _edges(rest, labels, index) -> tuple[np.ndarray, np.ndarray]:
+    """Starts and ends of the 8-neighbour graph within one part, places in ``index``."""
     points = rest[index].astype(np.float64)
     starts, ends = [], []
     for label in np.unique(labels[index]):
@@ -134,7 +137,14 @@ def _report_edges(what: str, rest, labels, positions, spacing: float, *, visible
             _, near = cKDTree(points[own]).query(points[own], k=9)
             starts.append(np.repeat(own, 8))
             ends.append(own[near[:, 1:]].ravel())
-    start, end = np.concatenate(starts), np.concatenate(ends)
+    return np.concatenate(starts), np.concatenate(ends)
+
+
+def _report_edges(what: str, rest, labels, positions, spacing: float, *, visible) -> None:
+    """How many edges of the 8-neighbour graph within one part grow by more than half of max(length, spacing)."""
+    index = np.flatnonzero(visible)
+    points = rest[index].astype(np.float64)
+    start, end = _edges(rest, labels, index)
     length = np.linalg.norm(points[start] - points[end], axis=1)
     allowed = 0.5 * np.maximum(length, spacing)
     worst = np.zeros(len(length))
@@ -144,6 +154,18 @@ def _report_edges(what: str, rest, labels, positions, spacing: float, *, visible
     torn = worst > allowed
     limit = (worst / allowed).max()
     print(f"edges between {what}: {torn.sum()} of {len(torn)} grow too far; worst {limit:.2f} of what is allowed")
+
+
+def _report_roughness(rest, labels, gradients, largest, *, visible) -> None:
+    """How much F differs between neighbours that move: mean over edges of the Frobenius norm, in the livest frame."""
+    index = np.flatnonzero(visible & (largest > 0.1 * np.percentile(largest, 99)))
+    start, end = _edges(rest, labels, index)
+    mean = [np.linalg.norm(f[index[start]] - f[index[end]], axis=(1, 2)).mean() for f in gradients]
+    stretch = np.linalg.svd(gradients[int(np.argmax(mean))][index], compute_uv=False)
+    low, high = np.percentile(stretch, [0.1, 99.9])
+    print(
+        f"roughness of F between neighbours: {max(mean):.4f}; singular values {low:.3f} to {high:.3f} (99.8 % of them)"
+    )
 
 
 if __name__ == "__main__":

@@ -89,7 +89,7 @@ def skin(
     """Hang every Gaussian on the 8 nearest rest particles of its part and connected piece.
 
     The piece of a Gaussian is that of the nearest particle of its part. A Gaussian whose part has no particle at all
-    takes the nearest particles of any part.
+    takes the nearest particles of any part. A Gaussian that is itself a particle follows that one alone.
 
     Args:
         gaussians: N Gaussians at rest, input coordinates.
@@ -127,6 +127,9 @@ def skin(
         anchor = group[distances[group, 0].argmin()]
         particles[group], distances[group] = particles[anchor], distances[anchor]
     weights = _weights(distances, spacing)
+    itself = np.flatnonzero(continuum.gaussian_index >= 0)
+    own = continuum.gaussian_index[itself]
+    particles[own], weights[own], nearest[own] = itself[:, None], np.eye(NEIGHBOURS)[0], 0.0
     arm = means - np.einsum("nk,nka->na", weights, continuum.positions[particles])
     length = np.linalg.norm(arm, axis=1)
     arm *= np.minimum(1.0, ARM_REACH * spacing / np.maximum(length, 1e-300))[:, None]

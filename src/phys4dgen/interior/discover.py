@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from phys4dgen.errors import StageError
 from phys4dgen.interior.bridge import BridgeReport, bridge_pieces
 from phys4dgen.interior.carve import DepthLimits
+from phys4dgen.interior.gaussian_particles import gaussians_as_particles
 from phys4dgen.interior.groups import particle_groups
 from phys4dgen.interior.hollow import hollowed
 from phys4dgen.interior.labels import label_cells
@@ -65,6 +66,7 @@ def discover_interior(
     wall_m: Mapping[int, float] | None = None,
     method: Method = "ipsd",
     hollow_m: Mapping[int, float] | None = None,
+    gaussian_particles: bool = False,
 ) -> Interior:
     """Find the solid that the Gaussians enclose and fill it with particles.
 
@@ -83,6 +85,7 @@ def discover_interior(
         method: ``ipsd`` carves by masks and depths (the paper's), ``winding`` fills by the winding number, ``both``
             what the two agree on; ``none`` leaves bodies a skin of one layer (the paper's ablation).
         hollow_m: wall thickness by part number of parts that are hollow: what lies deeper is left empty.
+        gaussian_particles: the Gaussians themselves are the particles, as in the paper.
 
     Raises:
         StageError: nothing solid was found.
@@ -142,6 +145,10 @@ def discover_interior(
         thin_wall = np.isin(part, list(hollow_m)) & (seeds.shape != SOLID)
         continuum = with_thickness(continuum, frame=frame, given_m=hollow_m, library_m={})
         continuum = replace(continuum, thickness_measured=continuum.thickness_measured | thin_wall)
+    if gaussian_particles:
+        continuum = gaussians_as_particles(
+            gaussians, parts.labels, continuum, labelled=labelled, frame=frame, cell=cell
+        )
     return Interior(continuum, bridge_report, int(solid.sum()), reading.agreement, reading.density_threshold, loose)
 
 

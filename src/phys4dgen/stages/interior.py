@@ -34,6 +34,7 @@ def fill(scene: Scene, asset: Asset, parts: Parts, progress: Progress) -> Interi
         wall_m=walls,
         method=wanted.method,
         hollow_m=hollow,
+        gaussian_particles=wanted.particles == "gaussians",
     )
     found = interior.bridges
     progress.note(

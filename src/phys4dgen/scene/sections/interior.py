@@ -22,6 +22,9 @@ class Interior(Section):
     """samples drawn from one Gaussian at most"""
     spacing: Auto | Annotated[float, Field(ge=0.2, le=1)] = "auto"
     """between simulated particles, in grid cells (dx); auto: 0.5"""
+    particles: Literal["auto", "gaussians"] = "auto"
+    """auto: well spaced, the Gaussians ride on them; gaussians: every Gaussian is one, with the interior cells of the
+    label grid (the paper's; slower and rougher)"""
     method: Literal["ipsd", "winding", "both", "none"] = "ipsd"
     """ipsd: carve by masks and depths (the paper's); winding: fill by the winding number; both: what they agree on;
     none: nothing inside, a skin of one layer of particles (the paper's ablation)"""
