@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from phys4dgen.errors import SceneError, did_you_mean
 from phys4dgen.types.checks import frozen
 
-__all__ = ["ViewPreset", "view_directions"]
+__all__ = ["ViewPreset", "short_tour", "view_directions"]
 
 ViewPreset = Literal["object", "carve", "scene"]
 
@@ -38,7 +38,7 @@ def view_directions(preset: ViewPreset) -> NDArray[np.float64]:
         return frozen(np.array([*_rings(12, (-30, -5, 20, 50)), (0.0, 90.0)]))
     if preset == "scene":
         directions = _fibonacci_cap(_SCENE_VIEWS, _SCENE_LOWEST_DEG)
-        return frozen(directions[_short_tour(_unit_vectors(directions))])
+        return frozen(directions[short_tour(_unit_vectors(directions))])
     known = get_args(ViewPreset)
     raise SceneError(f"views.preset: expected one of {', '.join(known)}, got '{preset}'.{did_you_mean(preset, known)}")
 
@@ -63,7 +63,7 @@ def _unit_vectors(directions_deg: NDArray[np.float64]) -> NDArray[np.float64]:
     )
 
 
-def _short_tour(points: NDArray[np.float64]) -> NDArray[np.int64]:
+def short_tour(points: NDArray[np.float64]) -> NDArray[np.int64]:
     """A short closed tour through ``points`` [V, 3]: nearest neighbours, then 2-opt until nothing gets shorter."""
     distance = np.linalg.norm(points[:, None] - points, axis=-1)
     n = len(points)

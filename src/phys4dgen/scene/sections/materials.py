@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from phys4dgen.scene.address import checked_address
-from phys4dgen.scene.sections.values import Auto, FilePath, Section
+from phys4dgen.scene.sections.values import Auto, FilePath, Section, as_tuple
 
 __all__ = ["Materials"]
 
@@ -15,9 +15,10 @@ __all__ = ["Materials"]
 class Materials(Section):
     """Who names the materials (Paper: Sec. 3.4)."""
 
-    backend: Literal["auto", "mllm", "rule", "library", "file"] = "auto"
-    """auto: file where given, else mllm where allow_upload is true, else rule (stand-in for the language model);
-    library: parts bear the names of materials"""
+    backend: Literal["auto", "mllm", "clip", "command", "rule", "library", "file"] = "auto"
+    """auto: file where given, else mllm where allow_upload is true, else rule (stand-in for the language model); clip:
+    which of the library's materials each part looks like; command: the program argv; library: parts bear the names of
+    materials"""
     file: FilePath | None = None
     """a materials.yaml; its entries win over backend, and parts.NAME.material over them"""
     model: Annotated[str, Field(min_length=1, max_length=128)] = "gpt-4o"
@@ -43,9 +44,22 @@ class Materials(Section):
     """of mllm: bound on the requests, retries included; auto: 4 per sample"""
     max_wait_s: Annotated[float, Field(gt=0, le=3600)] = 180.0
     """of mllm: bound on the time of all answers together"""
+    argv: Annotated[tuple[str, ...], BeforeValidator(as_tuple)] = ()
+    """of command: program and arguments, {run} for the run folder, {parts} for the names of the parts, {out} for the
+    materials.yaml to write; no shell"""
+    timeout_s: Annotated[float, Field(gt=0, le=86_400)] = 1800.0
+    """of command: it is ended after this time"""
 
     @model_validator(mode="after")
     def _backend_has_its_file(self) -> Materials:
         if self.backend == "file" and self.file is None:
             raise ValueError("backend 'file' needs file; name a materials.yaml, or choose backend 'auto'")
+        return self
+
+    @model_validator(mode="after")
+    def _command_has_its_words(self) -> Materials:
+        if self.backend == "command" and not any("{out}" in word for word in self.argv[1:]):
+            raise ValueError("backend 'command' needs argv, a program and its arguments with {run} and {out}")
+        if self.backend != "command" and self.argv:
+            raise ValueError(f"argv is given but backend is '{self.backend}'; choose 'command'")
         return self
