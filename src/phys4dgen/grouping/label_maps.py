@@ -29,7 +29,7 @@ from phys4dgen.errors import FormatError
 from phys4dgen.grouping.npy_files import read_npy, read_npz
 from phys4dgen.types import Camera, Masks
 
-__all__ = ["LabelMaps", "holds_label_maps", "read_cameras", "read_label_maps"]
+__all__ = ["LabelMaps", "holds_label_maps", "read_cameras", "read_label_maps", "read_label_png"]
 
 _MAX_VIEWS = 1000
 _MAX_PIXELS = 1 << 27
@@ -123,7 +123,7 @@ def _read_folder(folder: Path) -> tuple[NDArray[np.int32], list[Camera]]:
         pixels += camera.width * camera.height
         if pixels > _MAX_PIXELS:
             raise FormatError(f"{folder}: label maps may hold {_MAX_PIXELS:,} pixels in all; use smaller ones.")
-        maps.append(_read_npy_map(found[0], camera) if found[0].suffix == ".npy" else _read_png(found[0], camera))
+        maps.append(_read_npy_map(found[0], camera) if found[0].suffix == ".npy" else _read_png_map(found[0], camera))
         used.append(camera)
     if not maps:
         raise FormatError(
@@ -209,16 +209,34 @@ def _resized(path: Path, camera: Camera, width: int, height: int) -> Camera:
     return _camera(path, camera.viewmat, np.diag([scale, scale, 1.0]) @ camera.K, width, height)
 
 
-def _read_png(path: Path, camera: Camera) -> NDArray[np.int32]:
-    """One grey or indexed picture; 0 abstains."""
+def _read_png_map(path: Path, camera: Camera) -> NDArray[np.int32]:
+    """One grey or indexed picture of a view; 0 abstains."""
+    found = read_label_png(path, max_side_px=max(camera.width, camera.height))
+    if found.shape != (camera.height, camera.width):
+        raise FormatError(
+            f"{path}: expected {camera.width} x {camera.height} px as its camera says, got {found.shape[1]} x "
+            f"{found.shape[0]}."
+        )
+    return found
+
+
+def read_label_png(path: Path, *, max_side_px: int) -> NDArray[np.int32]:
+    """Read a grey or indexed PNG: value k is label k - 1, and 0 is -1, no label. Shape [H, W].
+
+    Args:
+        path: the file.
+        max_side_px: pictures that are wider or higher are refused before they are decoded.
+
+    Raises:
+        FormatError: it cannot be read, is too large or coloured.
+    """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # its size is checked before it is decoded
             with Image.open(path, formats=("PNG",)) as picture:
-                if picture.size != (camera.width, camera.height):
+                if max(picture.size) > max_side_px:
                     raise FormatError(
-                        f"{path}: expected {camera.width} x {camera.height} px as its camera says, got "
-                        f"{picture.width} x {picture.height}."
+                        f"{path}: expected at most {max_side_px} px, got {picture.width} x {picture.height}."
                     )
                 if picture.mode not in _GREY_MODES:
                     raise FormatError(
