@@ -20,7 +20,7 @@ from phys4dgen.materials import read_materials
 from phys4dgen.run.generate import continue_run, generate, scene_of_run
 from phys4dgen.run.inspection import inspect_path
 from phys4dgen.run.state import finished_stages
-from phys4dgen.scene import Scene
+from phys4dgen.scene import Scene, dump_scene
 
 NAMES = ("reconstruct", "views", "grouping", "interior", "materials", "simulate", "render")
 
@@ -147,6 +147,18 @@ def test_a_stage_that_ends_with_the_same_result_redoes_nothing_after_it(run):
     again = continue_run(run.root, scene, since="simulate")
     assert reused(again) == ["reconstruct", "interior", "materials", "simulate", "render"]
     assert "the views changed" in notes_on(again, "grouping")[0]
+
+
+def test_a_key_that_is_newer_than_the_run_stood_at_its_default(run):
+    path = run.root / ".state.json"
+    state = json.loads(path.read_text("utf-8"))
+    for record in state["stages"].values():
+        record["needs"]["settings"].pop("interior.particles", None)
+    path.write_text(json.dumps(state), "utf-8")
+    assert finished_stages(run.root)[-1] == "render"
+    scene = scene_of_run(run.root).with_overrides({"interior.particles": "gaussians"})
+    (run.root / "scene.yaml").write_text(dump_scene(scene), "utf-8")
+    assert finished_stages(run.root)[-1] == "grouping"
 
 
 def test_labels_that_a_person_put_into_the_run_are_taken(run):

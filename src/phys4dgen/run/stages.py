@@ -11,6 +11,7 @@ import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,7 @@ class Stage:
 _SOURCE = ("input", "reconstruct")
 _ASSET = (*_SOURCE, "up", "height_m", "longest_m")
 _SOURCE_CODE = ("types", "formats", "render", "vector", "reconstruct", "stages/reconstruct.py")
+_GROUPING_STAGES = ("stages/grouping.py", "stages/segmentation.py", "stages/naming.py")
 _SHARED_CODE = (*_SOURCE_CODE, "stages/asset.py", "stages/views.py")
 
 STAGES = (
@@ -70,12 +72,12 @@ STAGES = (
     ),
     Stage(
         "grouping",
-        settings=(*_ASSET, "seed", "grouping"),
+        settings=(*_ASSET, "seed", "grouping", "clip"),
         ignores=(),
         takes=("views",),
         makes=("parts", "part names"),
-        code=(*_SHARED_CODE, "grouping", "stages/grouping.py"),
-        files=("groups.npz", "groups_tree.npz", "parts.png"),
+        code=(*_SHARED_CODE, "grouping", "clip", "weights.py", *_GROUPING_STAGES),
+        files=("groups.npz", "groups_tree.npz", "parts.png", "segments/*"),
     ),
     Stage(
         "interior",
@@ -88,11 +90,11 @@ STAGES = (
     ),
     Stage(
         "materials",
-        settings=(*_ASSET, "seed", "materials", "parts"),
+        settings=(*_ASSET, "seed", "materials", "parts", "clip"),
         ignores=("parts.*.hold", "materials.offline", "materials.max_*"),
         takes=("parts", "part names", "particles"),
         makes=("materials",),
-        code=(*_SHARED_CODE, "materials", "stages/materials.py"),
+        code=(*_SHARED_CODE, "materials", "clip", "weights.py", "programs.py", "stages/materials.py"),
         files=("materials.yaml", ".identified.yaml"),
     ),
     Stage(
@@ -164,10 +166,14 @@ class Needs:
         )
 
     def changed_settings(self, before: Needs) -> list[str]:
-        """Keys of the scene that differ from ``before``, each with both values."""
+        """Keys of the scene that differ from ``before``, each with both values.
+
+        A key that an older version of phys4dgen did not have stood at its default.
+        """
         keys = dict.fromkeys((*self.settings, *before.settings))
         absent = "not given"
-        pairs = {key: (before.settings.get(key, absent), self.settings.get(key, absent)) for key in keys}
+        earlier = {**_default_settings(), **before.settings}
+        pairs = {key: (earlier.get(key, absent), self.settings.get(key, absent)) for key in keys}
         return [_said(key, *values) for key, values in pairs.items() if values[0] != values[1]]
 
     def changes(self, before: Needs) -> list[str]:
@@ -234,6 +240,12 @@ def scene_settings(scene: Scene) -> dict[str, Any]:
     if scene.reconstruct.views:
         leaves["reconstruct.views"] = [file_digest(path) for path in scene.reconstruct.views]
     return leaves
+
+
+@cache
+def _default_settings() -> dict[str, Any]:
+    """Every leaf of a scene of which nothing is said."""
+    return dict(_leaves(Scene(input=Path("-")).model_dump(mode="json")))
 
 
 def _leaves(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
