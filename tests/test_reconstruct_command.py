@@ -33,7 +33,7 @@ def test_a_program_that_leaves_a_splat(random_gaussians, tmp_path):
     [
         ("sys.exit('no memory')", "failed with exit code 1; it said: no memory"),
         ("pass", "ended without writing"),
-        ("open(out, 'w').write('garbage')", "did not leave a splat"),
+        ("open(out, 'w').write('garbage')", "did not leave a splat or mesh"),
         ("os.symlink('/etc/hostname', out)", "outside its folder"),
         ("os.mkdir(out)", "ended without writing"),
     ],
@@ -65,3 +65,18 @@ def test_the_scene_asks_for_both_program_and_backend():
         Scene(input="a.png").with_overrides({"reconstruct.backend": "command"})
     with pytest.raises(SceneError, match=r"\{out\}"):
         Scene(input="a.png").with_overrides({"reconstruct.backend": "command", "reconstruct.argv": ["prog"]})
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".ply"])
+def test_a_program_that_leaves_a_mesh(tmp_path, suffix):
+    trimesh = pytest.importorskip("trimesh", reason="reading meshes needs trimesh (extra 'mesh')")
+    trimesh.creation.icosphere(subdivisions=2).export(tmp_path / f"given{suffix}")
+    cutout = Cutout(np.ones((32, 32, 4), np.float32), "mask", ())
+    script = "import sys, shutil; shutil.copy(sys.argv[1], sys.argv[2])"
+    mark = "{out}" if suffix == ".ply" else f"{{out{suffix}}}"
+    argv = [sys.executable, "-c", script, str(tmp_path / f"given{suffix}"), mark]
+    made = reconstruct_by_command(cutout, argv, timeout_s=30, mesh_gaussians=1500)
+    assert len(made.gaussians) == pytest.approx(1500, rel=0.1)
+    np.testing.assert_allclose(np.linalg.norm(made.gaussians.means, axis=1), 1, atol=0.06)
+    with pytest.raises(StageError, match=r"ended without writing \{out.glb\}"):
+        reconstruct_by_command(cutout, [sys.executable, "-c", "pass", "{out.glb}"], timeout_s=30)

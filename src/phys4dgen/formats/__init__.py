@@ -34,6 +34,7 @@ LATER = {
     **dict.fromkeys((".spz", ".ksplat", ".sog"), "convert it to .ply or .splat (for example with SuperSplat)"),
     **dict.fromkeys((".png", ".jpg", ".jpeg", ".webp"), "'phys4dgen generate' makes a splat of a picture"),
 }
+MESHES = (".glb", ".gltf", ".obj", ".stl")
 
 Function = TypeVar("Function")
 
@@ -101,6 +102,11 @@ def codec(path: Path, known: Mapping[str, Function], verb: str) -> Function:
     if suffix in LATER:
         raise FormatError(
             f"{path}: {suffix} files come in a later version, this one can {verb} {supported}; {LATER[suffix]}."
+        )
+    if suffix in MESHES:
+        raise FormatError(
+            f"{path}: {suffix} is a mesh, expected {supported}; 'phys4dgen generate' makes a splat of .glb, .obj, .stl "
+            "and .ply meshes."
         )
     got = f"the suffix '{suffix[:20]}'" if suffix else "no suffix"
     raise FormatError(f"{path}: cannot {verb} a file with {got}, expected {supported}.{did_you_mean(suffix, known)}")

@@ -23,6 +23,7 @@ _OPTIONAL: Mapping[str, str] = {
     "transformers": "runs learned models (SAM2, CLIP)",
     "openai": "speaks to a multimodal language model that names materials",
     "gsplat": "renders on a CUDA device",
+    "trimesh": "reads meshes (.glb, .obj, .ply, .stl)",
 }
 """What stand-ins do on their own where a package is absent; the report names them."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from phys4dgen.export.pictures import write_png
 from phys4dgen.formats import load_gaussians, save_gaussians
 from phys4dgen.reconstruct.inflate.perspective import InflatedSolid
+from phys4dgen.reconstruct.mesh.files import is_mesh
 from phys4dgen.reconstruct.picture import is_picture, read_picture
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.scene import Scene
@@ -42,7 +43,7 @@ def write_source(run: RunFolder, source: Source) -> None:
 
 def read_source(run: RunFolder, scene: Scene) -> Source:
     """Read it back; a splat that was given is read from where it lies."""
-    if not is_picture(scene.input):
+    if not is_picture(scene.input) and not is_mesh(scene.input):
         return Source(load_gaussians(scene.input), "splat as given")
     facts = json.loads(run.source_json.read_text("utf-8"))
     up = None if facts["up"] is None else np.array(facts["up"])

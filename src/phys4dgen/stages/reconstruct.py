@@ -1,4 +1,4 @@
-"""The Gaussians: read from a splat, or made from a picture (paper: Sec. 3.1)."""
+"""The Gaussians: read from a splat, or made from a picture or a mesh (paper: Sec. 3.1)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from phys4dgen.formats import load_gaussians
 from phys4dgen.progress import Progress
+from phys4dgen.reconstruct.mesh.files import is_mesh
 from phys4dgen.reconstruct.picture import is_picture
 from phys4dgen.scene import Scene
 from phys4dgen.types import Camera, Gaussians
@@ -42,7 +43,9 @@ class Source:
 
 
 def reconstruct(scene: Scene, progress: Progress) -> Source:
-    """Read the splat, or make one of the picture."""
+    """Read the splat, or make one of the picture or the mesh."""
+    if is_mesh(scene.input):
+        return _from_mesh(scene)
     if not is_picture(scene.input):
         return Source(load_gaussians(scene.input), "splat as given")
     from phys4dgen.reconstruct.foreground import cut_out
@@ -56,7 +59,9 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
     if chosen.backend == "command":
         from phys4dgen.reconstruct.command import reconstruct_by_command
 
-        by_program = reconstruct_by_command(cutout, chosen.argv, timeout_s=chosen.timeout_s)
+        by_program = reconstruct_by_command(
+            cutout, chosen.argv, timeout_s=chosen.timeout_s, mesh_gaussians=chosen.mesh_gaussians
+        )
         for warning in by_program.warnings:
             progress.warn(warning)
         return Source(by_program.gaussians, f"{by_program.backend}, object by {cutout.source}")
@@ -73,6 +78,15 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
         camera=made.camera,
         solid=solid,
     )
+
+
+def _from_mesh(scene: Scene) -> Source:
+    """Gaussians in the surface of a mesh; glTF says that y is up, the other formats do not say."""
+    from phys4dgen.reconstruct.mesh.gaussians import gaussians_from_mesh
+
+    gaussians = gaussians_from_mesh(scene.input, count=scene.reconstruct.mesh_gaussians)
+    up = np.array([0.0, 1.0, 0.0]) if scene.input.suffix.lower() == ".glb" else None
+    return Source(gaussians, "mesh, its surface sampled", up=up)
 
 
 def _takes_lgm(scene: Scene, progress: Progress) -> bool:

@@ -1,4 +1,4 @@
-"""Section ``reconstruct``: a picture becomes Gaussians."""
+"""Section ``reconstruct``: a picture or a mesh becomes Gaussians."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Reconstruct"]
 
 
 class Reconstruct(Section):
-    """How a picture becomes Gaussians (Paper: Sec. 3.1); of no effect on a splat."""
+    """How a picture or a mesh becomes Gaussians (Paper: Sec. 3.1); of no effect on a splat."""
 
     backend: Literal["auto", "inflate", "lgm", "command"] = "auto"
     """inflate: from the outline (stand-in for LGM); lgm: by that network; command: the program argv; auto: lgm where
@@ -23,7 +23,8 @@ class Reconstruct(Section):
     """of lgm: four square pictures of the object on white or on nothing: front, from the viewer's right, back, from the
     viewer's left (docs/lgm.md)"""
     argv: Annotated[tuple[str, ...], BeforeValidator(as_tuple)] = ()
-    """of command: program and arguments, {image} for the RGBA picture, {out} for the .ply to write; no shell"""
+    """of command: program and arguments, {image} for the RGBA picture, {out} for the .ply to write, splat or mesh, or
+    {out.splat}, {out.glb}, {out.obj}, {out.stl}; no shell"""
     timeout_s: Annotated[float, Field(gt=0, le=86_400)] = 1800.0
     """of command: it is ended after this time"""
     mask: FilePath | None = None
@@ -34,6 +35,8 @@ class Reconstruct(Section):
     """Gaussians towards the camera; all together are some three times as many"""
     thickness_rel: Annotated[float, Field(ge=0.1, le=3)] = 1.0
     """depth of the object relative to what its outline says"""
+    mesh_gaussians: Annotated[int, Field(ge=1000, le=500_000)] = 100_000
+    """of a mesh, given or made by argv: about so many Gaussians lie in its surface"""
 
     @model_validator(mode="after")
     def _one_way_to_find_the_object(self) -> Reconstruct:
@@ -53,7 +56,7 @@ class Reconstruct(Section):
 
     @model_validator(mode="after")
     def _command_has_its_words(self) -> Reconstruct:
-        if self.backend == "command" and not any("{out}" in word for word in self.argv[1:]):
+        if self.backend == "command" and not any("{out" in word for word in self.argv[1:]):
             raise ValueError("backend 'command' needs argv, a program and its arguments with {image} and {out}")
         if self.backend != "command" and self.argv:
             raise ValueError(f"argv is given but backend is '{self.backend}'; choose 'command'")
