@@ -35,6 +35,12 @@ def draw_duck(path):
     Image.fromarray(np.rint(255 * np.clip(rgba, 0, 1)).astype(np.uint8)).save(path)
 
 
+def build_duck(path):
+    """A mesh in the place of a duck."""
+    trimesh = pytest.importorskip("trimesh", reason="reading meshes needs trimesh (extra 'mesh')")
+    trimesh.creation.capsule(height=1, radius=0.5).export(path)
+
+
 def test_there_are_six_pages_with_commands():
     assert len(HOWTOS) >= 6
     assert all(commands(page) for page in HOWTOS)
@@ -47,6 +53,8 @@ def test_the_commands_of_a_page_work(page, tmp_path):
         save_gaussians(bundled("potted_flower").gaussians, tmp_path / "plant.ply")
     if any("duck.png" in line for line in lines):
         draw_duck(tmp_path / "duck.png")
+    if any("duck.glb" in line for line in lines):
+        build_duck(tmp_path / "duck.glb")
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     there = {"cwd": tmp_path, "env": {**os.environ, "PATH": path}}
     for line in lines:
