@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from phys4dgen.errors import RunError
+from phys4dgen.errors import RunError, SceneError
 from phys4dgen.formats import load_gaussians
 from phys4dgen.grouping.from_file import parts_from_file
 from phys4dgen.materials.library import find_entry
-from phys4dgen.run.demo import prepare_demo
+from phys4dgen.run.demo import prepare_demo, prepare_example
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.stages import scene_settings
 from phys4dgen.scene import check_part_names, dump_scene, load_scene
@@ -48,3 +48,23 @@ def test_a_folder_of_other_files_stays_as_it_is(tmp_path):
     with pytest.raises(RunError, match=r"thesis\.tex"):
         prepare_demo(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_scene_file_about_a_bundled_object_wins_over_its_defaults(tmp_path):
+    (tmp_path / "scene.yaml").write_text(
+        "input: hammer\nparts:\n  handle: {material: balsa}\nsimulation: {duration_s: 0.5}\n"
+    )
+    scene = prepare_example(tmp_path / "run", tmp_path / "scene.yaml")
+    assert len(load_gaussians(scene.input)) > 0
+    assert scene.parts["handle"].material == "balsa"
+    assert scene.parts["handle"].hold == "free"
+    assert scene.parts["head"].material == "steel"
+    assert (scene.simulation.duration_s, scene.motion.preset) == (0.5, "drop")
+    for text, problem in (
+        ("input: hamer", "Did you mean 'hammer'"),
+        ("seed: 1", "name of a bundled object"),
+        ("input: hammer\nmotoin: {preset: drop}", r"line 2.*Did you mean 'motion'"),
+    ):
+        (tmp_path / "scene.yaml").write_text(text)
+        with pytest.raises(SceneError, match=problem):
+            prepare_example(tmp_path / "run", tmp_path / "scene.yaml")

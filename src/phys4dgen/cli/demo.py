@@ -14,16 +14,24 @@ SCENE_KEYS = True
 
 def add_flags(parser: argparse.ArgumentParser) -> None:
     """The object, and everything that fills a run."""
-    parser.add_argument("--scene", metavar="NAME", help="which bundled object (default: potted_flower)")
+    parser.add_argument(
+        "--scene",
+        metavar="NAME",
+        help="which bundled object (default: potted_flower), or a scene file about one, as in examples/",
+    )
     add_generate_flags(parser)
 
 
 def run(arguments: Arguments) -> int:
     """Write the object into the run folder, and fill it."""
     from phys4dgen.cli.generate import fill
-    from phys4dgen.run.demo import DEFAULT_SCENE, prepare_demo
+    from phys4dgen.run.demo import DEFAULT_SCENE, prepare_demo, prepare_example
     from phys4dgen.scene import Scene
 
     scene_from(arguments, Scene(input=Path("demo")))  # a misspelt flag is told before anything is made
-    name = arguments.options.scene or DEFAULT_SCENE
-    return fill(arguments, lambda: scene_from(arguments, prepare_demo(arguments.options.output, name=name)))
+    name, out = arguments.options.scene or DEFAULT_SCENE, arguments.options.output
+    is_file = Path(name).suffix in (".yaml", ".yml")
+    return fill(
+        arguments,
+        lambda: scene_from(arguments, prepare_example(out, Path(name)) if is_file else prepare_demo(out, name=name)),
+    )

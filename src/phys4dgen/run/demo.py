@@ -1,17 +1,22 @@
-"""The demo: a bundled object becomes an input like any other, as files in the run folder."""
+"""The demo: a bundled object becomes an input like any other, as files in the run folder; scene files about one."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from phys4dgen.errors import SceneError
 from phys4dgen.formats import save_gaussians
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.scene import Scene
+from phys4dgen.scene.model import validated_scene
+from phys4dgen.scene.yaml_file import read_scene_tree
 from phys4dgen.zoo import bundled
 
-__all__ = ["DEFAULT_SCENE", "prepare_demo"]
+__all__ = ["DEFAULT_SCENE", "prepare_demo", "prepare_example"]
 
 DEFAULT_SCENE = "potted_flower"
 
@@ -28,11 +33,43 @@ def prepare_demo(out: Path | str, *, name: str = DEFAULT_SCENE, seed: int = 0) -
         SceneError: no bundled object has this name.
         RunError: ``out`` holds other files, or cannot be written.
     """
+    return Scene.model_validate(_object_tree(out, name, seed))
+
+
+def prepare_example(out: Path | str, path: Path) -> Scene:
+    """As ``prepare_demo``, of a scene file that names a bundled object as its input; what it says wins.
+
+    Args:
+        out: the run folder.
+        path: a scene file such as those in ``examples/``.
+
+    Raises:
+        SceneError: the file is no scene, or its input is no bundled object.
+        RunError: ``out`` holds other files, or cannot be written.
+    """
+    tree, places = read_scene_tree(path)
+    name = tree.get("input")
+    if not isinstance(name, str):
+        raise SceneError(f"{path}: expected the name of a bundled object as input, such as 'input: snowman'.")
+    seed = tree.get("seed", 0)
+    base = _object_tree(out, name, seed if isinstance(seed, int) else 0)
+    merged = _merged(base, {key: value for key, value in tree.items() if key != "input"})
+    return validated_scene(merged, source=str(path), places=places)
+
+
+def _object_tree(out: Path | str, name: str, seed: int) -> dict[str, Any]:
+    """Write the object and its labels; the keys and values of its scene."""
     folder = RunFolder(out)
     folder.refuse_foreign_files()
     it = bundled(name, seed=seed)
     splat, labels = folder.input / f"{name}.ply", folder.input / f"{name}_labels.npz"
     save_gaussians(it.gaussians, splat)
     folder.write_npz(labels, {"labels": it.labels, "names": np.array(it.part_names)})
-    scene = Scene.model_validate({"input": splat, **it.default_scene})
-    return scene.with_overrides({"grouping.labels_file": labels, "motion.preset": it.motion})
+    told = {"input": splat, "grouping": {"labels_file": labels}, "motion": {"preset": it.motion}}
+    return _merged(it.default_scene, told)
+
+
+def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Mappings joined key by key; everything else of ``over`` replaces what ``base`` has."""
+    both = {key for key in over if isinstance(over[key], Mapping) and isinstance(base.get(key), Mapping)}
+    return {**base, **over, **{key: _merged(base[key], over[key]) for key in both}}

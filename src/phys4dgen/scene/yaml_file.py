@@ -10,9 +10,9 @@ from pydantic import BaseModel
 
 from phys4dgen.errors import FormatError, SceneError
 from phys4dgen.scene.model import Scene, validated_scene
-from phys4dgen.yaml12 import format_yaml, read_yaml
+from phys4dgen.yaml12 import YamlPath, format_yaml, read_yaml
 
-__all__ = ["dump_scene", "load_scene", "scene_keys"]
+__all__ = ["dump_scene", "load_scene", "read_scene_tree", "scene_keys"]
 
 
 def load_scene(path: Path | str) -> Scene:
@@ -22,15 +22,23 @@ def load_scene(path: Path | str) -> Scene:
         SceneError: the file is not YAML, has an unknown key or a bad value; names file, line, key and the way out.
     """
     path = Path(path)
+    tree, places = read_scene_tree(path)
+    return validated_scene(tree, source=str(path), places=places).with_paths_from(path.absolute().parent)
+
+
+def read_scene_tree(path: Path) -> tuple[dict[str, Any], dict[YamlPath, str]]:
+    """Keys and values of a scene file as they stand there, and the file and line of each; not validated.
+
+    Raises:
+        SceneError: the file is not YAML with keys.
+    """
     try:
         document = read_yaml(path)
     except FormatError as error:
         raise SceneError(str(error)) from error
     if not isinstance(document.value, dict):
         raise SceneError(f"{path}: expected keys such as 'input: plant.splat', got {document.value!r}.")
-    places = {key: f"{path} line {line}" for key, line in document.lines.items()}
-    scene = validated_scene(document.value, source=str(path), places=places)
-    return scene.with_paths_from(path.absolute().parent)
+    return document.value, {key: f"{path} line {line}" for key, line in document.lines.items()}
 
 
 def dump_scene(scene: Scene) -> str:

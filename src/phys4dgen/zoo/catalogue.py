@@ -12,6 +12,7 @@ from phys4dgen.zoo.carnation import carnation
 from phys4dgen.zoo.cup import cup
 from phys4dgen.zoo.hamburger import hamburger
 from phys4dgen.zoo.hammer import hammer
+from phys4dgen.zoo.jelly_honey_water import jelly_honey_water
 from phys4dgen.zoo.lights import LIGHTS
 from phys4dgen.zoo.potted_flower import potted_flower
 from phys4dgen.zoo.rubber_duck import rubber_duck
@@ -45,6 +46,7 @@ BUNDLED: Mapping[str, Builder] = {
     "straw_hat": straw_hat,
     "balloon": balloon,
     "cup": cup,
+    "jelly_honey_water": jelly_honey_water,
 }
 
 
