@@ -31,6 +31,7 @@ HEIGHTS_M = {
     "telephone": 0.138,
     "straw_hat": 0.119,
     "balloon": 0.737,
+    "jelly_honey_water": 0.06,
     "cup": 0.088,
 }
 SHEETS = {"carnation": ("leaves", "petals"), "hamburger": ("lettuce",), "sandcastle": ("flag",)}
