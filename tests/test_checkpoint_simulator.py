@@ -32,7 +32,7 @@ SETTINGS = Settings(
     DX,
     0.02,
     gravity_ms2=(0, 0, -9.81),
-    accelerations=(Acceleration((1.0, 0, 0), 0.03, 0.07),),
+    loads=(Acceleration((1.0, 0, 0), from_s=0.03, to_s=0.07),),
     ground=Ground(height_m=0.0, friction=0.4),
     damping_per_s=2.0,
     chunks=2,

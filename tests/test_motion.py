@@ -167,7 +167,7 @@ def test_a_gust_is_a_constant_acceleration_from_the_start():
     wind = gust(np.array([0.6, 0.0, 0.8]), 5.0, 0.3)
     assert wind.value_ms2 == pytest.approx((3.0, 0.0, 4.0))
     assert (wind.from_s, wind.to_s, wind.part) == (0.0, 0.3, None)
-    np.testing.assert_allclose(wind.integral(np.array([0.0, 0.1, 0.3, 1.0])), [0, 0.1, 0.3, 0.3])
+    np.testing.assert_allclose(wind.open_s(np.array([0.0, 0.1, 0.3, 1.0])), [0, 0.1, 0.3, 0.3])
 
 
 def test_damping_makes_the_mode_decay_with_the_ratio_asked_for():

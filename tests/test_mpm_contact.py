@@ -133,8 +133,8 @@ def pot_and_leaf(*, bonded, away_m=0.001, speed_ms=0.0):
 
 def blown(push_ms2, **keywords):
     b, is_leaf = pot_and_leaf(**keywords)
-    gust = Acceleration((push_ms2, 0, 0), 0, 0.1, part=1)
-    simulator = Simulator(b, Settings(0.005, 0.025, accelerations=(gust,)))
+    gust = Acceleration((push_ms2, 0, 0), to_s=0.1, part=1)
+    simulator = Simulator(b, Settings(0.005, 0.025, loads=(gust,)))
     frames = [simulator.advance() for _ in range(6)]
     moved = (frames[-1].positions_m - b.positions_m)[is_leaf, 0]
     nearest = min(np.linalg.norm(frame.positions_m[is_leaf, :2], axis=1).min() for frame in frames)

@@ -55,8 +55,8 @@ def reference_of(b, pad=6):
 @pytest.fixture(scope="module")
 def hundred_substeps():
     b = mixed_cube()
-    gust = Acceleration((3.0, -1.0, 0.5), 0.0, 0.0151, part=1)
-    settings = dict(gravity_ms2=(0, 0, -9.81), accelerations=(gust,), damping_per_s=1.5, cfl=0.3)
+    gust = Acceleration((3.0, -1.0, 0.5), to_s=0.0151, part=1)
+    settings = dict(gravity_ms2=(0, 0, -9.81), loads=(gust,), damping_per_s=1.5, cfl=0.3)
     frame = Simulator(b, Settings(DX, 0.0231, **settings)).advance()
     dt = frame.dt_s
     truth = reference_of(b)
@@ -86,7 +86,7 @@ def test_energies_of_the_frame(hundred_substeps):
     assert frame.kinetic_energy_j == pytest.approx(kinetic, rel=1e-5)
 
 
-@pytest.mark.parametrize("law", list(LawId))
+@pytest.mark.parametrize("law", [LawId.NEO_HOOKEAN, LawId.FIXED_COROTATED])
 def test_reference_stress_is_the_derivative_of_the_energy(law):
     rng = np.random.default_rng(1)
     F = np.eye(3) + 0.3 * rng.uniform(-1, 1, (50, 3, 3))
@@ -102,7 +102,7 @@ def test_reference_stress_is_the_derivative_of_the_energy(law):
             np.testing.assert_allclose(tau[:, i, j], (up - down) / (2 * step), rtol=1e-6, atol=1e-7)
 
 
-@pytest.mark.parametrize("law", list(LawId))
+@pytest.mark.parametrize("law", [LawId.NEO_HOOKEAN, LawId.FIXED_COROTATED])
 def test_reference_stress_turns_with_the_body(law):
     rng = np.random.default_rng(2)
     F = np.eye(3) + 0.3 * rng.uniform(-1, 1, (20, 3, 3))

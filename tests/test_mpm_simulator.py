@@ -59,11 +59,11 @@ def test_nothing_moves_without_load():
     assert frame.time_s == pytest.approx(0.06)
 
 
-@pytest.mark.parametrize(("smooth", "share"), [(False, 1.0), (True, 0.5)])
-def test_acceleration_moves_its_part_alone_for_exactly_its_window(smooth, share):
-    push = Acceleration((1.5, 0, -0.5), 0.0123, 0.0567, part=1, smooth=smooth)
+@pytest.mark.parametrize(("ramp_s", "share"), [(0.0, 1.0), (0.0222, 0.5)])
+def test_acceleration_moves_its_part_alone_for_exactly_its_window(ramp_s, share):
+    push = Acceleration((1.5, 0, -0.5), from_s=0.0123, to_s=0.0567, part=1, ramp_s=ramp_s)
     b = two_cubes()
-    simulator = Simulator(b, Settings(DX, 0.02, accelerations=(push,)))
+    simulator = Simulator(b, Settings(DX, 0.02, loads=(push,)))
     for _ in range(4):
         frame = simulator.advance()
     moved = np.abs(frame.positions_m - b.positions_m).max(1)
@@ -76,8 +76,8 @@ def test_acceleration_moves_its_part_alone_for_exactly_its_window(smooth, share)
 
 def test_acceleration_of_everything_reaches_every_part():
     b = two_cubes()
-    push = Acceleration((0, 0.7, 0), 0.005, 0.015)
-    simulator = Simulator(b, Settings(DX, 0.02, accelerations=(push,)))
+    push = Acceleration((0, 0.7, 0), from_s=0.005, to_s=0.015)
+    simulator = Simulator(b, Settings(DX, 0.02, loads=(push,)))
     np.testing.assert_allclose(simulator.advance().velocities_ms, np.tile([0, 0.007, 0], (len(b), 1)), atol=1e-6)
 
 
@@ -93,7 +93,7 @@ def test_held_part_stays_and_holds_what_stands_on_it():
     x = lattice((8, 8, 20), DX / 2)
     part = (x[:, 2] > 4 * DX).astype(int)
     b = body(x, (DX / 2) ** 3, E=2e5, part=part, held=part == 0, names=("pot", "foliage"))
-    simulator = Simulator(b, Settings(DX, 0.02, accelerations=(Acceleration((4, 0, 0), 0, 0.1, part=1),)))
+    simulator = Simulator(b, Settings(DX, 0.02, loads=(Acceleration((4, 0, 0), to_s=0.1, part=1),)))
     for _ in range(4):
         frame = simulator.advance()
     moved = np.linalg.norm(frame.positions_m - x, axis=1)
@@ -129,8 +129,8 @@ def test_parts_that_fly_apart_without_end_are_refused_by_name():
 
 
 def test_a_load_that_needs_too_many_substeps_is_refused():
-    kick = Acceleration((1e6, 0, 0), 0.03, 0.04)
-    simulator = Simulator(two_cubes(), Settings(DX, 0.02, accelerations=(kick,)))
+    kick = Acceleration((1e6, 0, 0), from_s=0.03, to_s=0.04)
+    simulator = Simulator(two_cubes(), Settings(DX, 0.02, loads=(kick,)))
     simulator.advance()
     with pytest.raises(SimulationError, match=r"Frame 2 .* substeps"):
         simulator.advance()
@@ -181,7 +181,7 @@ def test_bodies_are_checked():
     with pytest.raises(SimulationError, match="all particles are held"):
         Simulator(body(x, 1e-6, held=True), Settings(DX, 0.01))
     with pytest.raises(SimulationError, match="names part 5"):
-        Simulator(body(x, 1e-6), Settings(DX, 0.01, accelerations=(Acceleration((1, 0, 0), 0, 1, part=5),)))
+        Simulator(body(x, 1e-6), Settings(DX, 0.01, loads=(Acceleration((1, 0, 0), part=5),)))
 
 
 def test_body_from_plain_arrays():

@@ -96,7 +96,7 @@ def test_paths_are_taken_from_the_folder_of_the_file(tmp_path):
         ("parts: {p: {hold: fxed}}", "expected 'auto', 'fixed', 'rigid' or 'free', got 'fxed'. Did you mean 'fixed'?"),
         ("parts: {pot: {holt: fixed}}", "'parts.pot.holt' is not a key of a scene. Did you mean 'hold'?"),
         ("output: {frames: yes}", "output.frames: expected 'ply' or 'none', got 'yes'."),
-        ("forces: [{part: a, value_ms2: [1, 0, 0]}]", "'forces.0.to_s' is missing; add it."),
+        ("forces: [{part: a, to_s: 1}]", "'forces.0.value_ms2' is missing; add it."),
         ("forces: [{value_ms2: [1, 0, 0], from_s: 2, to_s: 1}]", "forces.0: to_s must be later than from_s"),
         ("forces: 3", "forces: expected a list, got 3."),
         ("height_m: 1\nlongest_m: 1", "height_m and longest_m both give the size"),

@@ -157,7 +157,7 @@ def gust(direction_up: NDArray[np.float64], acceleration_ms2: float, duration_s:
         duration_s: its length.
     """
     x, y, z = (float(v) for v in acceleration_ms2 * direction_up)
-    return Acceleration((x, y, z), 0.0, duration_s)
+    return Acceleration((x, y, z), to_s=duration_s)
 
 
 def damping_per_s(damping_ratio: float, frequency_hz: float) -> float:
@@ -203,7 +203,7 @@ def probe_gust(
             settings,
             frame_time_s=1 / _PROBE_FPS,
             gravity_ms2=(0.0, 0.0, 0.0),
-            accelerations=(gust(direction_up, _PROBE_MS2, duration_s),),
+            loads=(gust(direction_up, _PROBE_MS2, duration_s),),
             damping_per_s=damping_per_s(damping_ratio, _ASSUMED_FREQUENCY_HZ),
         ),
     )

@@ -4,21 +4,39 @@ Start reading at ``step.py`` (what happens in a substep) and ``simulator.py`` (f
 """
 
 from phys4dgen.mpm.body import Body
+from phys4dgen.mpm.drives import Drive
+from phys4dgen.mpm.fields import Attractor, Noise, PerParticleForce, Vortex, Wind
 from phys4dgen.mpm.laws import LawId
-from phys4dgen.mpm.settings import Acceleration, Ground, Settings
+from phys4dgen.mpm.loads import Acceleration, Impulse, TotalForce
+from phys4dgen.mpm.obstacles import HalfSpace, HollowBall, Motion, Obstacle, Push, RoundedBox
+from phys4dgen.mpm.settings import Ground, Settings
 from phys4dgen.mpm.simulator import Frame, Simulator
 from phys4dgen.mpm.timestep import Estimate, StiffPart, affordable_modulus_pa, stiff_parts
 
 __all__ = [
     "Acceleration",
+    "Attractor",
     "Body",
+    "Drive",
     "Estimate",
     "Frame",
     "Ground",
+    "HalfSpace",
+    "HollowBall",
+    "Impulse",
     "LawId",
+    "Motion",
+    "Noise",
+    "Obstacle",
+    "PerParticleForce",
+    "Push",
+    "RoundedBox",
     "Settings",
     "Simulator",
     "StiffPart",
+    "TotalForce",
+    "Vortex",
+    "Wind",
     "affordable_modulus_pa",
     "stiff_parts",
 ]

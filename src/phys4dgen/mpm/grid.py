@@ -6,10 +6,12 @@ depend on where the grid was laid.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.mpm.contacts import contact_arrays, ground_nodes
+from phys4dgen.mpm.contacts import Entries, contact_arrays, ground_nodes
 from phys4dgen.mpm.held import HeldNodes
 from phys4dgen.mpm.kernels.sorting import span_rows
 
@@ -28,9 +30,10 @@ class Grid:
         shift: world node of the first node, int64 [3].
         nodes: nodes along x, y, z; nz is a multiple of 4.
         momentum: private grids of the chunks, (px, py, pz, mass) per node, float32 [chunks, 4 nodes + spare].
-        velocity: (vx, vy, vz, .) per node, float32 [4 nodes + spare].
-        unblocked: the velocity but for the ground's contact, for rigid parts, as ``velocity``; empty without them.
-        contacts: nodes that obstacles limit, see ``contacts.contact_arrays``.
+        velocity: (vx, vy, vz, mass) per node, float32 [4 nodes + spare].
+        unblocked: the velocity but for ground and obstacles, for rigid parts, as ``velocity``; empty without them.
+        contacts: nodes where something limits the velocity, see ``contacts.contact_arrays``.
+        contacts_are_set: whether ``set_contacts`` was called.
         free: 1 where a node may move, 0 where it is held, float32 [nodes + spare].
     """
 
@@ -41,12 +44,12 @@ class Grid:
         chunks: int,
         padding: int,
         held: HeldNodes,
-        ground: tuple[int, int, float] | None = None,
+        ground: tuple[int, int, float, int] | None = None,
         with_rigid: bool = False,
     ) -> None:
         """Lay a grid around particles whose lowest nodes span ``extent`` (low and high along x, y, z).
 
-        ``ground`` is its highest node along z, its kind of contact and its friction.
+        ``ground`` is its highest node along z, its kind of contact, its friction and its number.
         """
         self.shift = extent[0::2] - _DRIFT - padding
         self.nodes = self.nodes_for(extent, padding)
@@ -56,11 +59,17 @@ class Grid:
         self.free = np.ones(count + _SPARE, np.float32)
         self._spans = np.zeros((chunks, *self.nodes[:2], 2), np.int32)
         self.unblocked = np.zeros(len(self.velocity) if with_rigid else 0, np.float32)
-        obstacles = [held.contacts()]
+        self._standing = [held.contacts()]
         if ground is not None:
-            obstacles.append(ground_nodes(*ground, shift=self.shift, nodes=self.nodes))
-        self.contacts = contact_arrays(obstacles, shift=self.shift, nodes=self.nodes)
+            self._standing.append(ground_nodes(*ground, shift=self.shift, nodes=self.nodes))
+        self.set_contacts(())
+        self.contacts_are_set = False
         held.write_to(self.free[:count].reshape(self.nodes), self.shift)
+
+    def set_contacts(self, entries: Sequence[Entries]) -> None:
+        """Let these nodes be limited besides those of held parts and ground, which come first."""
+        self.contacts = contact_arrays([*self._standing, *entries], shift=self.shift, nodes=self.nodes)
+        self.contacts_are_set = True
 
     @staticmethod
     def nodes_for(extent: NDArray[np.int64], padding: int) -> tuple[int, int, int]:

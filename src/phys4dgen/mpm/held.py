@@ -102,9 +102,9 @@ class HeldNodes:
     def contacts(self) -> Entries:
         """The obstacles, for ``contacts.contact_arrays``."""
         count = len(self.obstacles)
-        kinds = np.tile(np.array([SEPARATE, 0], np.int32), (count, 1))
-        planes = np.column_stack([self.normals, np.full(count, self.friction, np.float32)])
-        return self.obstacles + self.first, kinds, planes
+        kinds = np.tile(np.array([SEPARATE, 0, -1], np.int32), (count, 1))
+        planes = np.column_stack([self.normals, np.full(count, self.friction), np.zeros((count, 3))])
+        return self.obstacles + self.first, kinds, planes.astype(np.float32)
 
     def write_to(self, free: NDArray[np.float32], shift: NDArray[np.int64]) -> None:
         """Set ``free`` [nx, ny, nz], whose first node is the world node ``shift``, to 0 where held."""
@@ -149,8 +149,9 @@ def with_simulated_skin(body: Body, held: HeldNodes, places: NDArray[Any]) -> Bo
     skin = np.isfinite(distance) & held.touches_free(places[still])
     chosen, donor = still[skin], moving[np.asarray(near)[skin]]
     simulated = {name: getattr(body, name).copy() for name in _MATERIAL}
-    for values in simulated.values():
+    numbers = {name: values.copy() for name, values in (body.law_numbers or {}).items()}
+    for values in (*simulated.values(), *numbers.values()):
         values[chosen] = values[donor]
     frozen = body.held.copy()
     frozen[chosen] = False
-    return replace(body, held=frozen, **simulated)
+    return replace(body, held=frozen, law_numbers=numbers, **simulated)

@@ -1,4 +1,4 @@
-"""Rigid groups of particles: their inertia, their motion, and the points with which they touch the ground."""
+"""Rigid groups of particles: their inertia, their motion, and the points with which they touch ground and obstacles."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ class RigidParts:
         points: vertices of the convex hulls, from the centres at rest, float64 [K, 3].
         radii: half the side of the cube that each vertex stands for, float64 [K].
         starts: first vertex of each group, int64 [G + 1].
-        impulses: of the ground on each vertex in the last substep, float64 [K, 3].
+        impulses: of each obstacle on each vertex in the last substep, float64 [O, K, 3].
+        reactions: impulses of each obstacle on all groups since they were last taken, float64 [O, 3].
     """
 
     STATE: ClassVar[tuple[str, ...]] = ("motion", "constraint", "impulses")
@@ -57,10 +58,11 @@ class RigidParts:
     radii: NDArray[np.float64]
     starts: NDArray[np.int64]
     impulses: NDArray[np.float64]
+    reactions: NDArray[np.float64]
 
     @classmethod
     def from_body(
-        cls, body: Body, *, origin_m: NDArray[np.float64], mass_unit_kg: float, dx_m: float
+        cls, body: Body, *, origin_m: NDArray[np.float64], mass_unit_kg: float, dx_m: float, obstacle_count: int
     ) -> RigidParts | None:
         """The groups of a body at rest with the momenta that its velocities have; None where nothing is rigid."""
         members = np.flatnonzero(body.is_rigid)
@@ -111,7 +113,8 @@ class RigidParts:
             points=np.concatenate(points),
             radii=np.concatenate(radii),
             starts=np.concatenate([[0], np.cumsum([len(p) for p in points])]),
-            impulses=np.zeros((sum(len(p) for p in points), 3)),
+            impulses=np.zeros((obstacle_count, sum(len(p) for p in points), 3)),
+            reactions=np.zeros((obstacle_count, 3)),
         )
 
     def velocities_ms(self, particles: NDArray[np.int64]) -> NDArray[np.float32]:
@@ -128,15 +131,15 @@ class RigidParts:
         soft_ranges: int,
         unblocked: NDArray[np.float32],
         chunks: int,
-        ground: tuple[float, float, float, float],
+        obstacles: NDArray[np.float64],
     ) -> tuple[Any, ...]:
         """What ``step.advance`` takes as ``rigid``.
 
         Args:
             soft_ranges: how many of the laws' ranges are soft; rigid ones follow.
-            unblocked: grid velocity but for the ground's contact, float32 [4 nodes + spare].
+            unblocked: grid velocity but for what rigid groups meet by themselves, float32 [4 nodes + spare].
             chunks: particle ranges with sums of their own.
-            ground: (height from the origin, kind or -1, friction, restitution).
+            obstacles: ``obstacles.obstacle_table`` at the start of the segment; advanced.
         """
         sums = np.zeros((chunks, len(self.mass), SUM_COUNT))
         members = (self.group_of, self.offsets, self.constraint, self.motion, sums)
@@ -148,8 +151,9 @@ class RigidParts:
             self.radii,
             self.starts,
             self.impulses,
+            self.reactions,
         )
-        return soft_ranges, unblocked, *members, *shapes, np.array(ground)
+        return soft_ranges, unblocked, *members, *shapes, obstacles
 
 
 def _hull(points: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -1,4 +1,4 @@
-"""How a body is simulated: grid, frames, loads and damping."""
+"""How a body is simulated: grid, frames, loads, obstacles and damping."""
 
 from __future__ import annotations
 
@@ -6,42 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from phys4dgen.mpm.drives import Drive
+from phys4dgen.mpm.loads import Load
+from phys4dgen.mpm.obstacles import Obstacle
 
-__all__ = ["Acceleration", "Ground", "Settings"]
-
-
-@dataclass(frozen=True)
-class Acceleration:
-    """An acceleration of one part, or of everything, during a time window.
-
-    Attributes:
-        value_ms2: acceleration while the window is fully open, m/s2.
-        from_s, to_s: the window.
-        part: part number, or None for all parts.
-        smooth: False: on and off at once; True: sin^2 from zero to full and back (half the impulse).
-    """
-
-    value_ms2: tuple[float, float, float]
-    from_s: float
-    to_s: float
-    part: int | None = None
-    smooth: bool = False
-
-    def __post_init__(self) -> None:
-        if len(self.value_ms2) != 3 or not all(math.isfinite(value) for value in self.value_ms2):
-            raise ValueError(f"value_ms2: expected three finite numbers, got {self.value_ms2}.")
-        if not (math.isfinite(self.from_s) and self.from_s < self.to_s):
-            raise ValueError(f"from_s, to_s: expected from_s < to_s, got {self.from_s} and {self.to_s}.")
-
-    def integral(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Seconds that the window was open up to each time, weighted by how far; same shape as ``times_s``."""
-        length = self.to_s - self.from_s
-        inside = np.clip(times_s - self.from_s, 0, length)
-        if not self.smooth:
-            return inside
-        return inside / 2 - np.sin(2 * np.pi * inside / length) * length / (4 * np.pi)
+__all__ = ["Ground", "Settings"]
 
 
 @dataclass(frozen=True)
@@ -83,7 +52,9 @@ class Settings:
         gravity_ms2: uniform acceleration of everything that is not held, m/s2.
         ground: plane that carries the body, or None.
         held_friction: Coulomb's coefficient on held parts for what is not bonded to them.
-        accelerations: loads on parts over time windows.
+        loads: forces over time windows (``loads``, ``fields``).
+        drives: what moves as it is told (``drives``); of two on one node the later one counts.
+        obstacles: solids besides the ground.
         damping_per_s: mass-proportional damping alpha: velocities decay as exp(-alpha t); alpha = 4 pi zeta f1.
         damping_relative_to_rigid: damp only what differs from the body's rigid motion (momentum and angular momentum
             are kept); for bodies that are not held.
@@ -100,7 +71,9 @@ class Settings:
     gravity_ms2: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ground: Ground | None = None
     held_friction: float = 0.3
-    accelerations: tuple[Acceleration, ...] = ()
+    loads: tuple[Load, ...] = ()
+    drives: tuple[Drive, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
     damping_per_s: float = 0.0
     damping_relative_to_rigid: bool = False
     cfl: float = 0.4

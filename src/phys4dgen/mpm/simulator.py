@@ -14,21 +14,24 @@ from phys4dgen.errors import SimulationError
 from phys4dgen.mpm import diagnostics
 from phys4dgen.mpm.body import Body
 from phys4dgen.mpm.contacts import CONTACT_KINDS, GROUND_GAP_CELLS
-from phys4dgen.mpm.forces import peak_acceleration_ms2, velocity_gains_ms
+from phys4dgen.mpm.drives import DrivenNodes
+from phys4dgen.mpm.forces import Kicks
 from phys4dgen.mpm.grid import Grid
 from phys4dgen.mpm.held import HeldNodes, with_simulated_skin
 from phys4dgen.mpm.kernels.compiled_pass import address_of_pass
-from phys4dgen.mpm.kernels.layout import AFFINE, MASS, PART, POSITION, VELOCITY
+from phys4dgen.mpm.kernels.layout import AFFINE, LOAD, MASS, POSITION, VELOCITY
 from phys4dgen.mpm.kernels.rigid_pass import place_rigid
 from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
 from phys4dgen.mpm.rigid import RigidParts
 from phys4dgen.mpm.settings import Settings
+from phys4dgen.mpm.solids import Solids
 from phys4dgen.mpm.state import Particles
 from phys4dgen.mpm.step import advance
 from phys4dgen.mpm.timestep import Estimate, expected_speed_ms, sort_interval, stiff_parts, substeps_for
 
 __all__ = ["Frame", "Simulator"]
 
+_STIFFENED = 1.05  # waves faster by more than this shorten the rest of the frame's substeps
 _GROWTH_CELLS = 4  # beyond the padding, so that a moving body does not lay a new grid at every sort
 
 
@@ -42,10 +45,13 @@ class Frame:
         deformation_gradients: total F, shape [P, 3, 3], float32.
         velocities_ms: shape [P, 3], float32.
         substeps: taken since the last frame.
-        dt_s: their length.
+        dt_s: their length, at the end of the frame.
         max_speed_ms: of the fastest particle.
         kinetic_energy_j, elastic_energy_j: of all that moves.
         momentum_kgms, angular_momentum_kgm2s: of all that moves, the latter about the coordinate origin, [3].
+        reactions_n: mean force of the body on each obstacle since the last frame, then on the ground if there is one,
+            [O or O + 1, 3]; at nodes that soft and rigid particles share, of both.
+        obstacle_shifts_m: how far each obstacle has moved, [O, 3].
     """
 
     time_s: float
@@ -59,6 +65,8 @@ class Frame:
     elastic_energy_j: float
     momentum_kgms: NDArray[np.float64]
     angular_momentum_kgm2s: NDArray[np.float64]
+    reactions_n: NDArray[np.float64]
+    obstacle_shifts_m: NDArray[np.float64]
 
 
 class Simulator:
@@ -76,12 +84,6 @@ class Simulator:
         too_stiff = stiff_parts(body, settings)
         if too_stiff:
             raise SimulationError(f"The time step gets too small: {too_stiff[0]}.")
-        for number, acceleration in enumerate(settings.accelerations):
-            if acceleration.part is not None and not 0 <= acceleration.part < len(body.part_names):
-                raise SimulationError(
-                    f"Acceleration {number} names part {acceleration.part}; the body has parts 0 to "
-                    f"{len(body.part_names) - 1} ({', '.join(body.part_names)})."
-                )
         self.body = body
         self.settings = settings
         self._dx = np.float32(settings.dx_m)
@@ -91,10 +93,21 @@ class Simulator:
         self._held = HeldNodes.from_body(body, places, dx_m=settings.dx_m, friction=settings.held_friction)
         self._simulated = with_simulated_skin(body, self._held, places)
         self._particles = Particles(self._simulated, origin_m=self._origin_m, chunks=settings.chunks)
+        self._kicks = Kicks(body, gravity_ms2=settings.gravity_ms2, loads=settings.loads, origin_m=self._origin_m)
+        self._driven = DrivenNodes(body, settings.drives, origin_m=self._origin_m, dx_m=settings.dx_m)
+        self._solids = Solids(settings, origin_m=self._origin_m, mass_unit_kg=self._particles.mass_unit_kg)
+        self._particles.columns[LOAD] = self._kicks.row_of[self._particles.numbers]
         self._passes = np.array([address_of_pass(law) for law in self._particles.laws])
-        self._wave_speed_ms = float(self._simulated.wave_speed_ms[self._simulated.is_soft].max(initial=0.0))
+        soft = self._simulated.is_soft
+        self._viscosity_m2s = float(self._simulated.kinematic_viscosity_m2s[soft].max(initial=0.0))
+        self._resting_wave_speed_ms = self._simulated.wave_speed_ms
+        self._wave_speed_ms = self._fastest_wave_ms()
         self._rigid = RigidParts.from_body(
-            body, origin_m=self._origin_m, mass_unit_kg=self._particles.mass_unit_kg, dx_m=settings.dx_m
+            body,
+            origin_m=self._origin_m,
+            mass_unit_kg=self._particles.mass_unit_kg,
+            dx_m=settings.dx_m,
+            obstacle_count=self._solids.count,
         )
         if self._rigid is not None:
             rigid = self._rigid
@@ -152,33 +165,42 @@ class Simulator:
         number = self._frames_done + 1
         start_s = self._frames_done * settings.frame_time_s
         end_s = number * settings.frame_time_s
-        load = peak_acceleration_ms2(settings, start_s, end_s)
-        speed = self._max_speed_ms + load * settings.frame_time_s
-        substeps = self._substeps_for(speed)
-        if substeps > settings.max_substeps_per_frame:
-            raise SimulationError(
-                f"Frame {number} at {start_s:.4g} s needs {substeps} substeps for a speed of {speed:.3g} m/s, "
-                f"{settings.max_substeps_per_frame} are allowed; use weaker forces or raise max_substeps_per_frame."
-            )
-        dt_s = settings.frame_time_s / substeps
-        done = 0
-        while done < substeps:
-            speed = self._max_speed_ms + load * dt_s * sort_interval(substeps, dt_s, 0.0, settings.dx_m)
+        self._solids.forget()
+        load = self._kicks.peak_acceleration_ms2(start_s, end_s, **self._felt())
+        taken, done, substeps, dt_s, planned_ms = 0, 0, 0, 0.0, 0.0
+        while done < substeps or taken == 0:
+            if taken == 0 or self._wave_speed_ms > _STIFFENED * planned_ms:
+                # plan the rest of the frame: all of it at first, again where the material has stiffened meanwhile
+                start_s += dt_s * done
+                speed = max(self._max_speed_ms, self._set_speed_ms(start_s, end_s)) + load * settings.frame_time_s
+                substeps, done, planned_ms = self._substeps_for(speed, end_s - start_s), 0, self._wave_speed_ms
+                dt_s = (end_s - start_s) / substeps
+                if taken + substeps > settings.max_substeps_per_frame:
+                    raise SimulationError(
+                        f"Frame {number} at {start_s:.4g} s needs {taken + substeps} substeps for a speed of "
+                        f"{speed:.3g} m/s, {settings.max_substeps_per_frame} are allowed; use weaker forces or raise "
+                        f"max_substeps_per_frame."
+                    )
+            now_s = start_s + dt_s * done
+            speed = max(self._max_speed_ms, self._set_speed_ms(now_s, end_s))
+            speed += load * dt_s * sort_interval(substeps, dt_s, 0.0, settings.dx_m)
             count = min(sort_interval(substeps, dt_s, speed, settings.dx_m), substeps - done)
             times_s = start_s + dt_s * np.arange(done, done + count + 1)
             self._segment(times_s, dt_s)
-            done += count
+            done, taken = done + count, taken + count
             self._max_speed_ms = self._inspect(frame=number, time_s=start_s + dt_s * done)
+            self._wave_speed_ms = self._fastest_wave_ms()
             if not self._grid.holds(self._extent):
                 self._grid = self._lay_grid(frame=number, time_s=start_s + dt_s * done)
         self._frames_done = number
-        self.frame = self._make_frame(substeps=substeps, dt_s=dt_s)
+        self.frame = self._make_frame(substeps=taken, dt_s=dt_s)
         return self.frame
 
     def checkpoint(self) -> dict[str, NDArray[Any]]:
         """Arrays by name that ``restore`` needs to go on from the last frame, to the bit; between frames only."""
         done = np.array([self._frames_done, self.frame.substeps], np.int64)
         state = {"done": done, "dt_s": np.array(self.frame.dt_s), "columns": self._particles.columns}
+        state["solids"] = self._solids.state
         if self._rigid is not None:
             state |= {f"rigid_{name}": getattr(self._rigid, name) for name in self._rigid.STATE}
         return {name: array.copy() for name, array in state.items()}
@@ -198,6 +220,7 @@ class Simulator:
             )
         self._frames_done, substeps = (int(value) for value in saved["done"])
         self._particles.columns[:] = saved["columns"]
+        self._solids.state[:] = saved["solids"]
         if self._rigid is not None:
             for name in self._rigid.STATE:
                 getattr(self._rigid, name)[:] = saved[f"rigid_{name}"]
@@ -208,9 +231,25 @@ class Simulator:
         self.frame = self._make_frame(substeps=substeps, dt_s=float(saved["dt_s"]))
         return self.frame
 
-    def _substeps_for(self, speed_ms: float) -> int:
-        rigid_contact = self._rigid is not None and self.settings.ground is not None
-        return substeps_for(self._wave_speed_ms, speed_ms, self.settings, rigid_contact=rigid_contact)
+    def _substeps_for(self, speed_ms: float, time_s: float | None = None) -> int:
+        return substeps_for(
+            self._wave_speed_ms,
+            speed_ms,
+            self.settings,
+            viscosity_m2s=self._viscosity_m2s,
+            rigid_contact=self._rigid is not None and self._solids.count > 0,
+            time_s=time_s,
+        )
+
+    def _fastest_wave_ms(self) -> float:
+        """Speed of the fastest pressure wave, with what laws have stiffened."""
+        wave_speed = self._resting_wave_speed_ms
+        fastest = float(wave_speed[self._simulated.is_soft].max(initial=0.0))
+        for law, index, parameters, state in self._particles.soft_states(stiffening_only=True):
+            assert law.stiffening is not None
+            stiffened = wave_speed[index] * np.sqrt(law.stiffening(parameters, state))
+            fastest = max(fastest, float(stiffened.max(initial=0.0)))
+        return fastest
 
     def _segment(self, times_s: NDArray[Any], dt_s: float) -> None:
         """Sort, then take the substeps that ``times_s`` bounds."""
@@ -222,8 +261,10 @@ class Simulator:
             order_by_cell(self._cells, self._extent, law_ranges[0, 0], law_ranges[-1, 1], self._counts, self._order)
         self._cells = self._cells[:, self._order]
         spans, bounds = grid.chunk_limits(self._cells, particles.ranges, self._extent)
-        everything, parts = velocity_gains_ms(settings, times_s, len(self.body.part_names))
-        kicks = parts if parts.any() else parts[:, :0]
+        everything, kicks = self._kicks.gains(times_s, **self._felt())
+        span_s = float(times_s[0]), float(times_s[-1])
+        self._solids.begin(*span_s)
+        self._set_contacts(0.5 * sum(span_s))
         damping = -math.expm1(-settings.damping_per_s * dt_s)
         advance(
             self._passes,
@@ -243,28 +284,49 @@ class Simulator:
             everything.astype(np.float32),
             kicks.astype(np.float32),
             np.float32(damping),
-            self._undamped_motion(everything, parts, dt_s),
+            self._undamped_motion(everything, kicks, dt_s),
             self._rigid_arguments(),
         )
         particles.columns, particles.spare = particles.spare, particles.columns
+        self._solids.end(*span_s, grid.contacts, None if self._rigid is None else self._rigid.reactions)
+
+    def _felt(self) -> dict[str, NDArray[Any]]:
+        """What fields ask for: particles of the body, where they are and how fast; nothing where there are none."""
+        columns = self._particles.columns if self._kicks.has_fields else self._particles.columns[:, :0]
+        return {
+            "index": self._particles.numbers[: columns.shape[1]],
+            "positions_m": columns[POSITION : POSITION + 3].T.astype(np.float64),
+            "velocities_ms": columns[VELOCITY : VELOCITY + 3].T.astype(np.float64),
+        }
+
+    def _set_contacts(self, time_s: float) -> None:
+        """Let obstacles and drives act on the grid during a segment; once per grid where they never change."""
+        grid = self._grid
+        if grid.contacts_are_set and self._solids.always_stand and not self.settings.drives:
+            return
+        particles, place = self._particles, {"shift": grid.shift, "nodes": grid.nodes}
+        driven = self._driven.entries(particles.columns, particles.numbers, time_s=time_s, **place)
+        grid.set_contacts([*self._solids.entries(**place), *driven])
+
+    def _set_speed_ms(self, from_s: float, to_s: float) -> float:
+        """The largest speed of what obstacles and drives move between two times."""
+        return max(self._driven.top_speed_ms(from_s), self._solids.top_speed_ms(from_s, to_s))
+
+    def _part_name_at(self, place: int) -> str:
+        return self.body.part_names[int(self.body.part[self._particles.numbers[place]])]
 
     def _rigid_arguments(self) -> tuple[Any, ...] | None:
         if self._rigid is None:
             return None
-        ground = self.settings.ground
-        plane = (0.0, -1, 0.0, 0.0)
-        if ground is not None:
-            height = float(ground.height_m - self._origin_m[2])
-            plane = (height, CONTACT_KINDS[ground.contact], float(ground.friction), float(ground.restitution))
         return self._rigid.kernel_arguments(
             soft_ranges=self._particles.soft_ranges,
             unblocked=self._grid.unblocked,
             chunks=self.settings.chunks,
-            ground=plane,
+            obstacles=self._solids.table(),
         )
 
     def _undamped_motion(
-        self, everything: NDArray[np.float64], parts: NDArray[np.float64], dt_s: float
+        self, everything: NDArray[np.float64], kicks: NDArray[np.float64], dt_s: float
     ) -> NDArray[np.float32]:
         """Rigid motion (velocity, angular velocity, centre) that damping spares in each substep, [S, 9]."""
         motion = np.zeros((len(everything), 9))
@@ -279,9 +341,15 @@ class Simulator:
             columns[AFFINE : AFFINE + 9].T.reshape(-1, 3, 3),
             self.settings.dx_m,
         )
-        part_mass = np.bincount(columns[PART].astype(np.int64), mass, parts.shape[1])
-        # a part's kick is in the momentum when the grid damps it, the uniform gain is added afterwards
-        kicked = np.cumsum(np.einsum("g,sgi->si", part_mass / mass.sum(), parts), 0)
+        # a kick is in the momentum when the grid damps it, the uniform gain is added afterwards
+        kicked = np.zeros((1, 3))
+        if kicks.shape[1] > 0:
+            row = columns[LOAD].astype(np.int64)
+            row_mass = np.bincount(row, mass, kicks.shape[1])
+            kicked = np.einsum("r,sri->si", row_mass, kicks[..., :3])
+            if self._kicks.has_fields:
+                kicked -= (mass * kicks[0, row, 3]) @ columns[VELOCITY : VELOCITY + 3].T
+        kicked = np.cumsum(np.broadcast_to(kicked / mass.sum(), everything.shape), 0)
         gained = np.cumsum(everything, 0) - everything
         motion[:, :3] = velocity + kicked + gained
         motion[:, 3:6] = spin
@@ -295,7 +363,7 @@ class Simulator:
         cells = np.full_like(previous, NEVER_SEEN)
         bad, fastest = inspect_particles(columns, previous, 1 / self._dx, cells, self._extent)
         if bad >= 0:
-            name = self.body.part_names[int(columns[PART, bad])]
+            name = self._part_name_at(bad)
             sound = bool(np.isfinite(columns[:, bad]).all())
             what = "moved by more than one cell between two sorts" if sound else "has no finite position or velocity"
             raise SimulationError(
@@ -312,19 +380,19 @@ class Simulator:
         nodes = math.prod(Grid.nodes_for(self._extent, padding))
         if nodes > settings.max_grid_nodes:
             farthest = int(np.linalg.norm(self._particles.columns[POSITION : POSITION + 3], axis=0).argmax())
-            name = self.body.part_names[int(self._particles.columns[PART, farthest])]
+            name = self._part_name_at(farthest)
             raise SimulationError(
                 f"The body spreads too far in frame {frame} at {time_s:.4g} s: the grid would need {nodes} nodes, "
                 f"{settings.max_grid_nodes} are allowed, and part '{name}' is farthest from where the body was; use a "
                 f"larger dx_m, weaker forces, or raise max_grid_nodes."
             )
-        ground = settings.ground
+        ground, number = settings.ground, self._solids.ground_number
         return Grid(
             self._extent,
             chunks=settings.chunks,
             padding=padding,
             held=self._held,
-            ground=ground and (self._ground_node, CONTACT_KINDS[ground.contact], ground.friction),
+            ground=ground and (self._ground_node, CONTACT_KINDS[ground.contact], ground.friction, number),
             with_rigid=self._rigid is not None,
         )
 
@@ -341,6 +409,7 @@ class Simulator:
         positions[moving] = x
         gradients = np.tile(np.eye(3, dtype=np.float32), (len(body), 1, 1))
         gradients[moving] = f
+        stored_j = diagnostics.elastic_energy_j(body, particles, gradients)
         velocities = np.zeros((len(body), 3), np.float32)
         velocities[moving] = v
         skin = self.body.held  # simulated beside the moving body, but held for everyone else
@@ -354,9 +423,11 @@ class Simulator:
             dt_s=dt_s,
             max_speed_ms=float(np.linalg.norm(v, axis=1).max()),
             kinetic_energy_j=diagnostics.kinetic_energy_j(mass, v, c, dx_m),
-            elastic_energy_j=diagnostics.elastic_energy_j(body, moving, f),
+            elastic_energy_j=stored_j,
             momentum_kgms=diagnostics.momentum_kgms(mass, v),
             angular_momentum_kgm2s=diagnostics.angular_momentum_kgm2s(mass, x, v, c, dx_m=dx_m, about_m=np.zeros(3)),
+            reactions_n=-self._solids.given_kgms / self.settings.frame_time_s,
+            obstacle_shifts_m=self._solids.shifts_m.copy(),
         )
 
 

@@ -69,12 +69,12 @@ def advance(
         momentum: private momentum grids, zero, float32 [chunks, 4 nodes + 64].
         velocity: grid velocity, float32 [4 nodes + 64].
         free: 1 where a node may move, else 0, float32 [nodes + 64].
-        contacts: nodes where an obstacle limits the velocity (``contacts.contact_arrays``).
+        contacts: nodes where something limits the velocity (``contacts.contact_arrays``).
         grid: (shift_x, shift_y, shift_z, ny, nz), int.
         dx: cell side, m, float32.
         dt: substep, s, float32.
         gains: velocity that every node gains in each substep, m/s, float32 [substeps, 3].
-        kicks: velocity that each part gains in each substep, m/s, float32 [substeps, parts or 0, 3].
+        kicks: what loads do to velocities of particles, by row (``forces.Kicks``), float32 [substeps or 1, rows, 4].
         damping: share of the velocity relative to ``undamped`` lost per substep, float32.
         undamped: rigid motion that damping spares in each substep, float32 [substeps, 9] (see ``grid_plane``).
         rigid: None, or ``RigidParts.kernel_arguments``; the last laws of ``ranges`` are then those of rigid particles.
@@ -100,7 +100,8 @@ def advance(
                         undamped[now],
                     )  # fmt: skip
                 else:
-                    arguments = (velocity, momentum[item], grid, bounds[item], inverse_dx, dt, kicks[coming])
+                    kick = kicks[min(coming, len(kicks) - 1)]
+                    arguments = (velocity, momentum[item], grid, bounds[item], inverse_dx, dt, kick)
                     _chunk_phase(
                         item, phase, stage, passes, ranges[:, item], unsorted, particles, order, dx, arguments, rigid
                     )

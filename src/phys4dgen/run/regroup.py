@@ -100,16 +100,25 @@ def part_names_of_run(folder: Path | str) -> tuple[str, ...]:
 def with_moves(scene: Scene, moves: Moves, *, edits: Sequence[PartEdit]) -> Scene:
     """The scene with other edits; options and forces follow the parts that they were meant for."""
     tree = scene.model_dump()
-    joined = {new for names in moves.values() for new in names}
-    forces: list[dict[str, Any]] = []
-    for force in tree["forces"]:
-        for new in moves.get(force["part"], (force["part"],)):
-            follower = {**force, "part": new}
-            if new not in joined or follower not in forces:  # the same push on parts that become one is one push
-                forces.append(follower)
+    lists = {key: _followed_entries(tree[key], moves) for key in ("forces", "boundaries")}
     dumped = tuple(edit.model_dump() for edit in edits)
     options = _followed(tree["parts"], moves)
-    return scene.with_overrides({"grouping.edits": dumped, "parts": options, "forces": tuple(forces)})
+    return scene.with_overrides({"grouping.edits": dumped, "parts": options, **lists})
+
+
+def _followed_entries(entries: Sequence[dict[str, Any]], moves: Moves) -> tuple[dict[str, Any], ...]:
+    """Forces or boundaries that follow the parts that they were meant for; those of no part stay."""
+    joined = {new for names in moves.values() for new in names}
+    found: list[dict[str, Any]] = []
+    for entry in entries:
+        if "part" not in entry:
+            found.append(entry)
+            continue
+        for new in moves.get(entry["part"], (entry["part"],)):
+            follower = {**entry, "part": new}
+            if new not in joined or follower not in found:  # the same push on parts that become one is one push
+                found.append(follower)
+    return tuple(found)
 
 
 def with_parts_anew(scene: Scene, count: Any) -> Scene:
@@ -161,5 +170,5 @@ def _moves_back(scene: Scene, edit: PartEdit, *, earlier: Sequence[PartEdit]) ->
 
 def _mentioned(scene: Scene) -> list[str]:
     """Names of parts with options or forces of their own."""
-    forces = (force.part for force in scene.forces if force.part != ALL_PARTS)
-    return list(dict.fromkeys((*scene.parts, *forces)))
+    entries = [getattr(entry, "part", ALL_PARTS) for entry in (*scene.forces, *scene.boundaries)]
+    return list(dict.fromkeys((*scene.parts, *(part for part in entries if part != ALL_PARTS))))

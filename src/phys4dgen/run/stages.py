@@ -49,7 +49,7 @@ _SOURCE = ("input", "reconstruct")
 _ASSET = (*_SOURCE, "up", "height_m", "longest_m")
 _SOURCE_CODE = ("types", "formats", "render", "vector", "reconstruct", "stages/reconstruct.py")
 _GROUPING_STAGES = ("stages/grouping.py", "stages/segmentation.py", "stages/naming.py")
-_SHARED_CODE = (*_SOURCE_CODE, "stages/asset.py", "stages/views.py")
+_SHARED_CODE = (*_SOURCE_CODE, "upright", "stages/asset.py", "stages/views.py")
 
 STAGES = (
     Stage(
@@ -99,14 +99,15 @@ STAGES = (
     ),
     Stage(
         "simulate",
-        settings=(*_ASSET, "parts", "motion", "forces", "gravity", "boundaries", "simulation"),
+        settings=(*_ASSET, "parts", "motion", "forces", "gravity", "gravity_ms2", "boundaries", "simulation"),
         ignores=("parts.*.material", "parts.*.interior_material", "simulation.threads"),
         takes=("parts", "part names", "particles", "materials"),
         makes=("motion",),
         code=(
             *_SHARED_CODE,
             *("mpm", "body.py", "joints.py", "motion.py", "animate"),
-            *("stages/motion.py", "stages/motion_plan.py", "stages/motion_facts.py"),
+            *("stages/motion.py", "stages/motion_plan.py", "stages/motion_facts.py", "stages/motion_loads.py"),
+            *("stages/motion_obstacles.py", "stages/motion_presets.py"),
         ),
         files=("trajectory.npz", "motion.json"),
     ),
@@ -227,12 +228,15 @@ def scene_settings(scene: Scene) -> dict[str, Any]:
         RunError: one of the files cannot be read.
     """
     leaves = dict(_leaves(scene.model_dump(mode="json")))
+    named = scene.grouping.named_picture
     for key, path in (
         ("input", scene.input),
         ("reconstruct.mask", scene.reconstruct.mask),
         ("reconstruct.matte_model", scene.reconstruct.matte_model),
         ("reconstruct.checkpoint", scene.reconstruct.checkpoint),
         ("grouping.labels_file", scene.grouping.labels_file),
+        ("grouping.named_picture.picture", None if named is None else named.picture),
+        ("grouping.named_picture.segments", None if named is None else named.segments),
         ("materials.file", scene.materials.file),
     ):
         if path is not None:
@@ -266,7 +270,7 @@ def _concerns(stage: Stage, key: str) -> bool:
 
 _FILES = (
     *("input", "reconstruct.mask", "reconstruct.matte_model", "reconstruct.checkpoint", "reconstruct.views"),
-    *("grouping.labels_file", "materials.file"),
+    *("grouping.labels_file", "grouping.named_picture.picture", "grouping.named_picture.segments", "materials.file"),
 )
 """Keys whose values are files, compared by content."""
 

@@ -16,7 +16,8 @@ from phys4dgen.errors import SceneError
 from phys4dgen.scene.errors import explain
 from phys4dgen.scene.sections import (
     ALL_PARTS,
-    AccelerationForce,
+    Boundary,
+    Force,
     Ground,
     Grouping,
     Interior,
@@ -28,7 +29,8 @@ from phys4dgen.scene.sections import (
     Simulation,
     ViewSet,
 )
-from phys4dgen.scene.sections.values import Auto, AxisName, Direction, FilePath, PartName, Positive, Section
+from phys4dgen.scene.sections.models import Clip
+from phys4dgen.scene.sections.values import Auto, AxisName, Direction, FilePath, PartName, Positive, Section, Vector
 from phys4dgen.yaml12 import YamlPath
 
 __all__ = ["Scene", "validated_scene"]
@@ -52,16 +54,19 @@ class Scene(Section):
     grouping: Grouping = Field(default_factory=Grouping)
     interior: Interior = Field(default_factory=Interior)
     materials: Materials = Field(default_factory=Materials)
+    clip: Clip = Field(default_factory=Clip)
     parts: dict[PartName, PartOptions] = Field(default_factory=dict)
     """options by part name"""
     motion: Motion = Field(default_factory=Motion)
-    forces: tuple[AccelerationForce, ...] = ()
-    """accelerations besides the motion's own"""
+    forces: tuple[Force, ...] = ()
+    """what acts besides the motion's own, see docs/forces.md"""
     gravity: Literal["auto", "rest", "on", "off"] = "auto"
     """rest: the shape given is at rest under its weight, which adds no second sag; on: weight acts on an unloaded
-    shape; off: weightless; auto: on for drop, else rest"""
-    boundaries: tuple[Ground, ...] = ()
-    """what the object may not pass; drop adds a ground where none is given"""
+    shape; off: weightless; auto: on for drop and melt and where gravity_ms2 is given, else rest"""
+    gravity_ms2: Auto | Vector = "auto"
+    """acceleration of gravity in the input's axes; auto: 9.81 downwards"""
+    boundaries: tuple[Boundary, ...] = ()
+    """what the object may not pass, and what is pinned, see docs/forces.md; drop adds a ground where none is given"""
     simulation: Simulation = Field(default_factory=Simulation)
     output: Output = Field(default_factory=Output)
 
@@ -80,8 +85,11 @@ class Scene(Section):
             raise ValueError("height_m and longest_m both give the size; keep one of them")
         if ALL_PARTS in self.parts:
             raise ValueError(f"parts: '{ALL_PARTS}' means every part in a force and cannot name a part")
-        if len(self.boundaries) > 1:
-            raise ValueError(f"boundaries: one ground is enough, got {len(self.boundaries)}")
+        grounds = sum(isinstance(boundary, Ground) for boundary in self.boundaries)
+        if grounds > 1:
+            raise ValueError(f"boundaries: one ground is enough, got {grounds}")
+        if self.gravity_ms2 != "auto" and self.gravity in ("rest", "off"):
+            raise ValueError(f"gravity_ms2 says how strong gravity is, gravity: {self.gravity} that it does not act")
         return self
 
     @property
@@ -125,15 +133,14 @@ class Scene(Section):
 
     def with_paths_from(self, folder: Path) -> Scene:
         """A copy whose relative paths are taken from ``folder``; absolute ones stay."""
-        grouping, materials = self.grouping, self.materials
-        if grouping.labels_file is not None:
-            grouping = grouping.model_copy(update={"labels_file": folder / grouping.labels_file})
+        materials = self.materials
         if materials.file is not None:
             materials = materials.model_copy(update={"file": folder / materials.file})
         named = {name: getattr(self.reconstruct, name) for name in ("mask", "matte_model", "checkpoint")}
         paths: dict[str, Any] = {name: folder / path for name, path in named.items() if path is not None}
         paths["views"] = tuple(folder / path for path in self.reconstruct.views)
-        sections = {"grouping": grouping, "materials": materials}
+        sections: dict[str, Any] = {"grouping": self.grouping.with_paths_from(folder), "materials": materials}
+        sections["clip"] = self.clip.with_paths_from(folder)
         sections["reconstruct"] = self.reconstruct.model_copy(update=paths)
         return self.model_copy(update={"input": folder / self.input, **sections})
 

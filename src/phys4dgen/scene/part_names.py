@@ -49,6 +49,8 @@ def refuse_impossible_part_names(scene: Scene) -> None:
     if scene.grouping.labels_file is not None:
         return
     given = list(scene.grouping.names.values())
+    if scene.grouping.named_picture is not None:
+        given += scene.grouping.named_picture.names.values()
     for edit in scene.grouping.edits:
         given += [edit.to] if edit.to is not None else edit.pieces_of
     for place, name in _mentioned(scene).items():
@@ -62,5 +64,11 @@ def refuse_impossible_part_names(scene: Scene) -> None:
 def _mentioned(scene: Scene) -> dict[str, str]:
     """Names of parts by the key that mentions them."""
     places = {f"parts.{name}": name for name in scene.parts}
-    places |= {f"forces.{i}.part": force.part for i, force in enumerate(scene.forces) if force.part != ALL_PARTS}
+    if scene.motion.part is not None:
+        places["motion.part"] = scene.motion.part
+    for section, entries in (("forces", scene.forces), ("boundaries", scene.boundaries)):
+        for i, entry in enumerate(entries):
+            part = getattr(entry, "part", ALL_PARTS)
+            if part != ALL_PARTS:
+                places[f"{section}.{i}.part"] = part
     return places

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from phys4dgen.body import CappedPart, PartThickening
 from phys4dgen.mpm import Frame as SimulatedFrame
@@ -30,12 +31,15 @@ class MotionFacts:
     """Filled while the motion is prepared and simulated.
 
     Attributes:
-        preset: sway, drop or rest.
+        preset: sway, drop, press, twist or rest.
         held: parts or region held, with the reason.
         why: how the preset came about, where it was left open.
         gravity: rest, on or off.
         ground_below_m: from the lowest point at rest down to the ground, None without ground.
         ground_height_m: of the ground along up, metres in the input's origin, None without ground.
+        obstacles: what the film draws of obstacles (``motion_obstacles.drawn_obstacles``).
+        obstacle_shifts_m: how far each obstacle has moved, per frame, z up.
+        reactions_n: mean force of the body on each obstacle, then on the ground, per frame, z up.
         rigid: parts that do not deform.
         touching_particles: free particles that are near held ones without having grown together with them.
         wind_up: direction of the gust, axes with z up.
@@ -56,6 +60,9 @@ class MotionFacts:
     gravity: str = "rest"
     ground_below_m: float | None = None
     ground_height_m: float | None = None
+    obstacles: list[dict[str, Any]] = field(default_factory=list)
+    obstacle_shifts_m: list[list[list[float]]] = field(default_factory=list)
+    reactions_n: list[list[list[float]]] = field(default_factory=list)
     rigid: list[RigidPart] = field(default_factory=list)
     touching_particles: int = 0
     wind_up: list[float] | None = None
@@ -84,3 +91,5 @@ class MotionFacts:
         self.energy_kinetic_j.append(frame.kinetic_energy_j)
         self.energy_elastic_j.append(frame.elastic_energy_j)
         self.momentum_kgms.append(frame.momentum_kgms.tolist())
+        self.obstacle_shifts_m.append(frame.obstacle_shifts_m.tolist())
+        self.reactions_n.append(frame.reactions_n.tolist())

@@ -22,12 +22,16 @@ from phys4dgen.motion import (
     gust,
     probe_gust,
 )
-from phys4dgen.mpm import Acceleration, Body, Ground, Settings, stiff_parts
+from phys4dgen.mpm import Body, Drive, Ground, Settings, stiff_parts
+from phys4dgen.mpm.loads import Load
 from phys4dgen.progress import Progress
-from phys4dgen.scene import ALL_PARTS, Scene
 from phys4dgen.scene import Ground as GroundOptions
+from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.motion_facts import MotionFacts, RigidPart
+from phys4dgen.stages.motion_loads import LoadMaker, pinned, told_parts
+from phys4dgen.stages.motion_obstacles import ObstacleMaker, drawn_obstacles
+from phys4dgen.stages.motion_presets import Circumstances, acts_by_itself, circumstances, twist
 from phys4dgen.types import Continuum, MaterialBook, Parts
 
 __all__ = ["Plan", "plan_motion"]
@@ -72,7 +76,7 @@ class _Given:
 class _Prepared:
     """The body for one preset, before its loads are known."""
 
-    preset: str
+    around: Circumstances
     held: Held
     rigid: tuple[RigidPart, ...]
     assembly: Assembly
@@ -90,14 +94,15 @@ def plan_motion(
     """
     given = _Given(scene, asset, parts, continuum, book, progress)
     asked = scene.motion.preset
-    if asked == "auto" and not scene.forces:
+    if asked == "auto" and not acts_by_itself(scene):
         return _sway_or_drop(given)
     prepared = _prepare(given, "rest" if asked == "auto" else asked)
     if prepared.held.particles.all():
         raise SimulationError(
             f"Every part is held ({prepared.held.reason}); free one with 'parts: {{NAME: {{hold: free}}}}'."
         )
-    probe = _probe(given, prepared) if prepared.preset == "sway" or scene.forces else None
+    swings = asked == "sway" or (prepared.around.preset == "rest" and acts_by_itself(scene))
+    probe = _probe(given, prepared) if swings and prepared.held.particles.any() else None
     return _finish(given, prepared, probe, why="")
 
 
@@ -135,9 +140,11 @@ def _prepare(given: _Given, preset: str) -> _Prepared:
     """Decide what is held and what is rigid; parts too stiff for the budget become rigid one after the other."""
     scene, asset, parts, continuum = given.scene, given.asset, given.parts, given.continuum
     options = {name: choice.hold for name, choice in scene.parts.items()}
-    automatic = preset == "sway" or (preset == "rest" and bool(scene.forces))
-    named = {name: hold for name, hold in options.items() if hold != "auto"}
-    held = choose_held(continuum, parts, frame=asset.frame, holds=named, automatic=automatic)
+    around = circumstances(scene, asset, preset)
+    named = {name: "free" for name in told_parts(scene.forces)}
+    named |= {name: hold for name, hold in options.items() if hold != "auto"}
+    held = choose_held(continuum, parts, frame=asset.frame, holds=named, automatic=around.holds_what_stands)
+    held = _with_pinned(held, parts, continuum, pinned(around.boundaries, continuum, parts))
     reasons = {parts.names.index(name): "as asked for" for name, hold in options.items() if hold == "rigid"}
     rest_m = asset.frame.to_metres(continuum.positions)
     while True:
@@ -146,7 +153,7 @@ def _prepare(given: _Given, preset: str) -> _Prepared:
         )
         clamped = _with_stuck(held, continuum, parts, stuck)
         assembly = _assembled(given, clamped, body_of)
-        settings = _settings(given, preset, clamped, assembly.body)
+        settings = _settings(given, around, clamped, assembly.body)
         stiff = [part for part in stiff_parts(assembly.body, settings) if part.part not in reasons]
         if not stiff:
             break
@@ -159,7 +166,21 @@ def _prepare(given: _Given, preset: str) -> _Prepared:
         own = body_of[continuum.part == number]
         moving = own[own >= 0]
         rigid.append(RigidPart(parts.names[number], tuple(np.unique(moving).tolist()), reason))
-    return _Prepared(preset, clamped, tuple(rigid), assembly, settings)
+    if preset in ("press", "twist") and not assembly.body.is_soft.any():
+        raise SimulationError(
+            f"{preset}: nothing of the object would deform: {'; '.join(f'{r.part}: {r.reason}' for r in rigid)}; give "
+            "it softer materials, or use --motion drop."
+        )
+    return _Prepared(around, clamped, tuple(rigid), assembly, settings)
+
+
+def _with_pinned(held: Held, parts: Parts, continuum: Continuum, pins: NDArray[np.bool_]) -> Held:
+    """What is held, and what is pinned for the whole film."""
+    if not pins.any():
+        return held
+    particles = held.particles | pins
+    whole = tuple(name for number, name in enumerate(parts.names) if particles[continuum.part == number].all())
+    return Held(particles, whole, f"{held.reason}; {int(pins.sum())} particles are pinned")
 
 
 def _with_stuck(held: Held, continuum: Continuum, parts: Parts, stuck: NDArray[np.bool_]) -> Held:
@@ -205,39 +226,32 @@ def _assembled(given: _Given, held: Held, body_of: NDArray[np.int32]) -> Assembl
 # ------------------------------------------------------------------------------------------------ loads
 
 
-def _settings(given: _Given, preset: str, held: Held, body: Body) -> Settings:
+def _settings(given: _Given, around: Circumstances, held: Held, body: Body) -> Settings:
     """The solver's settings without gust, forces and damping."""
-    scene, asset = given.scene, given.asset
-    gravity = _gravity(scene, preset)
-    ground = _ground_options(scene, preset)
-    plane = None
+    scene, asset, continuum = given.scene, given.asset, given.continuum
+    plane, ground = None, around.ground
+    margin_m = 0.5 * continuum.spacing_m
     if ground is not None:
         lowest_m = float(body.positions_m[~held.particles, 2].min(initial=math.inf))
-        below_m = _ground_below_m(scene, asset, preset, ground)
-        height_m = lowest_m - 0.5 * given.continuum.spacing_m - below_m
-        plane = Ground(height_m=height_m, contact=ground.contact, friction=ground.friction)
+        below_m = _ground_below_m(scene, asset, around.preset, ground)
+        plane = Ground(
+            height_m=lowest_m - margin_m - below_m,
+            contact=ground.contact,
+            friction=ground.friction,
+            restitution=ground.restitution,
+        )
+    solids = ObstacleMaker(asset.frame, asset.frame.to_metres(continuum.positions), margin_m)
     return Settings(
         dx_m=asset.cell_m,
         frame_time_s=scene.frame_time_s,
-        gravity_ms2=(0.0, 0.0, -_GRAVITY_MS2 if gravity == "on" else 0.0),
+        gravity_ms2=around.gravity_ms2,
         ground=plane,
+        obstacles=solids.obstacles(around.boundaries),
         damping_relative_to_rigid=not held.particles.any(),
         cfl=scene.simulation.cfl,
         chunks=_chunks(scene),
         max_substeps_per_frame=scene.simulation.substep_limit,
     )
-
-
-def _gravity(scene: Scene, preset: str) -> str:
-    if scene.gravity != "auto":
-        return scene.gravity
-    return "on" if preset == "drop" else "rest"
-
-
-def _ground_options(scene: Scene, preset: str) -> GroundOptions | None:
-    if scene.boundaries:
-        return scene.boundaries[0]
-    return GroundOptions() if preset == "drop" else None
 
 
 def _ground_below_m(scene: Scene, asset: Asset, preset: str, ground: GroundOptions) -> float:
@@ -251,7 +265,7 @@ def _probe(given: _Given, prepared: _Prepared) -> ProbeResult:
     started = time.perf_counter()
     probe = probe_gust(
         prepared.assembly.body,
-        replace(prepared.settings, ground=None),
+        replace(prepared.settings, ground=None, obstacles=()),
         direction_up=_wind_up(scene, asset),
         duration_s=scene.motion.duration_s,
         aim_m=scene.motion.amplitude_rel * asset.height_m,
@@ -268,39 +282,42 @@ def _probe(given: _Given, prepared: _Prepared) -> ProbeResult:
 def _finish(given: _Given, prepared: _Prepared, probe: ProbeResult | None, *, why: str) -> Plan:
     """The plan with its loads and its damping."""
     scene, asset, progress = given.scene, given.asset, given.progress
-    preset, held, settings = prepared.preset, prepared.held, prepared.settings
+    around, held, settings = prepared.around, prepared.held, prepared.settings
+    preset = around.preset
     facts = MotionFacts(
-        preset, held.reason, why=why, gravity=_gravity(scene, preset), cell_m=asset.cell_m, cfl=scene.simulation.cfl
+        preset, held.reason, why=why, gravity=around.gravity, cell_m=asset.cell_m, cfl=scene.simulation.cfl
     )
     facts.rigid = list(prepared.rigid)
     bonded = prepared.assembly.body.bonded_to_held
     assert bonded is not None
     facts.touching_particles = int((~bonded).sum())
-    ground = _ground_options(scene, preset)
-    if ground is not None:
-        facts.ground_below_m = _ground_below_m(scene, asset, preset, ground)
+    if around.ground is not None:
+        facts.ground_below_m = _ground_below_m(scene, asset, preset, around.ground)
     if settings.ground is not None:
         facts.ground_height_m = settings.ground.height_m
+    facts.obstacles = drawn_obstacles(settings.obstacles, asset.frame)
     if why:
         progress.note(f"Motion: {why}.")
-    forces = _forces(given)
+    loads, drives = _loads(given, prepared)
     if probe is not None:
         facts.frequency_hz = probe.frequency_hz
         facts.damping_per_s = damping_per_s(scene.simulation.damping_ratio, probe.frequency_hz)
         _warn_of_sag(facts, probe, asset, progress)
-    elif preset == "drop":
+    elif preset != "rest" or acts_by_itself(scene):
         facts.damping_per_s = damped_drop_per_s(scene.simulation.damping_ratio)
     if preset == "sway" and probe is not None:
         wind, asked = _wind_up(scene, asset), scene.motion.acceleration_ms2
         strength = probe.acceleration_ms2 if isinstance(asked, str) else asked
         facts.wind_up, facts.gust_ms2, facts.gust_s = wind.tolist(), strength, scene.motion.duration_s
-        forces = (*forces, gust(wind, strength, scene.motion.duration_s))
+        loads = (*loads, gust(wind, strength, scene.motion.duration_s))
         progress.note(f"Gust of {strength:.3g} m/s2 for {scene.motion.duration_s:g} s; held: {facts.held}.")
+    if preset in ("press", "twist"):
+        progress.note(f"{preset.capitalize()}: {facts.held}.")
     if preset == "drop":
         progress.note(f"Falls {1e3 * (facts.ground_below_m or 0):.0f} mm to the ground; {facts.held}.")
     for part in prepared.rigid:
         progress.warn(f"Part '{part.part}' does not deform: {part.reason}.")
-    settings = replace(settings, accelerations=forces, damping_per_s=facts.damping_per_s)
+    settings = replace(settings, loads=loads, drives=drives, damping_per_s=facts.damping_per_s)
     return Plan(held, prepared.assembly, settings, facts)
 
 
@@ -328,10 +345,16 @@ def _wind_up(scene: Scene, asset: Asset) -> NDArray[np.float64]:
     return direction / np.linalg.norm(direction)
 
 
-def _forces(given: _Given) -> tuple[Acceleration, ...]:
-    found = []
-    for force in given.scene.forces:
-        x, y, z = (float(v) for v in given.asset.frame.rotation @ np.array(force.value_ms2))
-        part = None if force.part == ALL_PARTS else given.parts.names.index(force.part)
-        found.append(Acceleration((x, y, z), force.from_s, force.to_s, part=part))
-    return tuple(found)
+def _loads(given: _Given, prepared: _Prepared) -> tuple[tuple[Load, ...], tuple[Drive, ...]]:
+    """Forces of the scene, and what sets velocities, of the scene and of ``twist``."""
+    scene, asset, continuum, held = given.scene, given.asset, given.continuum, prepared.held.particles
+    mass_kg = prepared.assembly.mass_kg
+    longest_m = float((asset.upper - asset.lower).max()) * asset.frame.metres_per_unit
+    maker = LoadMaker(asset.frame, given.parts, continuum, mass_kg, longest_m)
+    drives = maker.drives(scene.forces, prepared.around.boundaries, held=held)
+    if prepared.around.preset == "twist":
+        points_m = asset.frame.to_metres(continuum.positions)
+        drives += twist(
+            scene, points_m=points_m, part=continuum.part, part_names=given.parts.names, mass_kg=mass_kg, held=held
+        )
+    return maker.loads(scene.forces), drives

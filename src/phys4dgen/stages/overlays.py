@@ -14,11 +14,21 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from phys4dgen.export.annotate import Arrow, Color, draw_arrows, strain_colors, with_legend, with_scale_bar
 from phys4dgen.export.pictures import part_colors
-from phys4dgen.scene import ALL_PARTS, Scene
+from phys4dgen.scene import (
+    ALL_PARTS,
+    AccelerationForce,
+    Force,
+    Impulse,
+    PerParticleForce,
+    Scene,
+    TotalForce,
+    VelocitySet,
+    Wind,
+)
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.motion import Motion
 from phys4dgen.types import Camera, Material, MaterialBook, Parts
@@ -32,6 +42,7 @@ _SCALE_FRAMES = 12
 _SCALE_PERCENTILE = 99.5
 _STILL = 1e-5
 _GRAVITY_MS2 = 9.81
+_BLOW_SHOWN_S = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +148,10 @@ class _Strain:
 
 @dataclass(frozen=True)
 class _Push:
-    """An acceleration during a time window; ``part`` None: everything that is free."""
+    """A push during a time window; ``part`` None: everything that is free."""
 
-    value_ms2: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    strength: str
     from_s: float
     to_s: float
     part: str | None
@@ -183,8 +195,8 @@ class _Forces:
         entries: list[tuple[Color | None, str]] = [(None, f"t = {time_s:.2f} s")]
         for push in self._pushes:
             window = "" if math.isinf(push.to_s) else f", {push.from_s:g} to {push.to_s:g} s"
-            strength = f"{push.name} {np.linalg.norm(push.value_ms2):.3g} m/s2{window}"
-            entries.append((_FORCE_COLOR if push.is_active(time_s) else (205, 205, 205), strength))
+            text = f"{push.name} {push.strength}{window}"
+            entries.append((_FORCE_COLOR if push.is_active(time_s) else (205, 205, 205), text))
         if not self._pushes:
             entries.append((None, "no force"))
         if self._held.any():
@@ -205,7 +217,7 @@ class _Forces:
             pushed = self.inputs.parts.labels == self.inputs.parts.names.index(push.part)
         pushed &= asset.gaussians.opacities > 0.1
         points = (positions[pushed] if pushed.any() else positions).astype(np.float64)
-        direction = push.value_ms2 / np.linalg.norm(push.value_ms2)
+        direction = push.direction
         low, middle, high = np.percentile(points, [5, 50, 95], axis=0)
         size = float((asset.upper - asset.lower).max())
         length = 0.16 * size
@@ -223,25 +235,47 @@ class _Forces:
 
 
 def _pushes(inputs: OverlayInputs) -> list[_Push]:
-    """The forces of the scene, the gust of the motion and weight where it acts, in input axes."""
-    pushes = [
-        _Push(
-            np.array(force.value_ms2),
-            force.from_s,
-            force.to_s,
-            None if force.part == ALL_PARTS else force.part,
-            "force" if force.part == ALL_PARTS else f"force on {force.part}",
-        )
-        for force in inputs.scene.forces
-    ]
-    facts = inputs.motion.facts
+    """The forces of the scene that have one direction, the gust of the motion, and weight where it acts; input axes."""
+    pushes = [_push_of(force) for force in inputs.scene.forces]
+    facts, rotation = inputs.motion.facts, inputs.asset.frame.rotation
     if facts.wind_up is not None and facts.gust_ms2:
-        wind = inputs.asset.frame.rotation.T @ np.array(facts.wind_up)
-        pushes.append(_Push(facts.gust_ms2 * wind, 0.0, facts.gust_s, None, "gust"))
-    gravity: str = inputs.scene.gravity
-    if gravity == "on" or (gravity == "auto" and facts.preset == "drop"):
-        pushes.append(_Push(-_GRAVITY_MS2 * inputs.asset.frame.up, 0.0, math.inf, None, "gravity"))
-    return pushes
+        gust = facts.gust_ms2 * rotation.T @ np.array(facts.wind_up)
+        pushes.append(_one_push("gust", gust, "m/s2", 0.0, facts.gust_s, ALL_PARTS))
+    if facts.gravity == "on":
+        asked = inputs.scene.gravity_ms2
+        weight = -_GRAVITY_MS2 * inputs.asset.frame.up if isinstance(asked, str) else np.array(asked)
+        pushes.append(_one_push("gravity", weight, "m/s2", 0.0, math.inf, ALL_PARTS))
+    return [push for push in pushes if push is not None]
+
+
+def _push_of(force: Force) -> _Push | None:
+    """What an arrow shows of a force; None where it has no one direction."""
+    to_s = getattr(force, "to_s", None) or math.inf
+    match force:
+        case AccelerationForce():
+            return _one_push("force", force.value_ms2, "m/s2", force.from_s, to_s, force.part)
+        case TotalForce():
+            return _one_push("force", force.value_n, "N", force.from_s, to_s, force.part)
+        case PerParticleForce():
+            return _one_push("force", force.value_n, "N per particle", force.from_s, to_s, force.part)
+        case Impulse():
+            return _one_push("blow", force.value_ns, "N s", force.at_s, force.at_s + _BLOW_SHOWN_S, force.part)
+        case VelocitySet():
+            return _one_push("velocity", force.value_ms, "m/s", force.from_s, to_s, force.part)
+        case Wind():
+            return _one_push("wind", force.velocity_ms, "m/s", force.from_s, to_s, force.part)
+        case _:
+            return None
+
+
+def _one_push(name: str, value: ArrayLike, unit: str, from_s: float, to_s: float, part: str) -> _Push | None:
+    vector = np.asarray(value, np.float64)
+    size = float(np.linalg.norm(vector))
+    if size == 0:
+        return None
+    everything = part == ALL_PARTS
+    label = name if everything else f"{name} on {part}"
+    return _Push(vector / size, f"{size:.3g} {unit}", from_s, to_s, None if everything else part, label)
 
 
 def _projected(tail: NDArray[np.float64], tip: NDArray[np.float64], camera: Camera) -> Arrow:

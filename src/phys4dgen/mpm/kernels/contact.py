@@ -1,4 +1,4 @@
-"""Contact conditions at grid nodes: what the ground and held parts allow the velocity there to be."""
+"""Contact conditions at grid nodes: what ground, obstacles, held and driven parts allow the velocity there to be."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["SEPARATE", "SLIP", "STICKY", "allowed_velocity"]
 
 SEPARATE = 0  # no motion into the surface; Coulomb friction on what slides along it; free to leave
 SLIP = 1  # no motion into the surface or away from it, no friction
-STICKY = 2  # no motion at all
+STICKY = 2  # the motion of the surface
 
 
 @kernel
@@ -22,19 +22,20 @@ def allowed_velocity(vx, vy, vz, kind, plane):
         vy: y,
         vz: and z.
         kind: SEPARATE, SLIP or STICKY.
-        plane: outward unit normal and friction coefficient, float32 [4].
+        plane: outward unit normal, friction coefficient and velocity of the surface, float32 [7].
     """
-    zero = vx * 0
+    ux, uy, uz = plane[4], plane[5], plane[6]
     if kind == STICKY:
-        return zero, zero, zero
+        return ux, uy, uz
     nx, ny, nz = plane[0], plane[1], plane[2]
-    outwards = vx * nx + vy * ny + vz * nz
+    rx, ry, rz = vx - ux, vy - uy, vz - uz
+    outwards = rx * nx + ry * ny + rz * nz
     if kind == SEPARATE and outwards >= 0:
         return vx, vy, vz
-    tx, ty, tz = vx - outwards * nx, vy - outwards * ny, vz - outwards * nz
+    tx, ty, tz = rx - outwards * nx, ry - outwards * ny, rz - outwards * nz
     if kind == SEPARATE:
         sliding = math.sqrt(tx * tx + ty * ty + tz * tz)
         lost = -plane[3] * outwards
-        keep = zero if sliding <= lost else 1 - lost / sliding
+        keep = vx * 0 if sliding <= lost else 1 - lost / sliding
         tx, ty, tz = tx * keep, ty * keep, tz * keep
-    return tx, ty, tz
+    return ux + tx, uy + ty, uz + tz

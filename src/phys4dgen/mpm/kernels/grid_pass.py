@@ -21,6 +21,7 @@ _SMALLEST_MASS = _f(1e-12)  # of the mean particle mass; lighter nodes carry no 
 _x_lane = constant16([1, 0, 0, 0] * 4)
 _y_lane = constant16([0, 1, 0, 0] * 4)
 _z_lane = constant16([0, 0, 1, 0] * 4)
+_mass_lane = constant16([0, 0, 0, 1] * 4)
 _node_in_group = constant16([0] * 4 + [1] * 4 + [2] * 4 + [3] * 4)
 
 
@@ -35,10 +36,11 @@ def grid_plane(plane, spans, momentum, velocity, unblocked, free, contacts, grid
         spans: first and one past last node along z that each chunk may write to, by plane and row; multiples of 4,
             empty where it writes nothing, int32 [chunks, nx, ny, 2].
         momentum: private grids [chunks, 4 nodes], float32; set to zero again.
-        velocity: result (vx, vy, vz, .) per node, m/s, flat float32.
-        unblocked: the same but for the ground, for rigid parts, which meet it by themselves; empty if not needed.
+        velocity: result (vx, vy, vz, mass) per node, m/s and mean particle masses, flat float32.
+        unblocked: the same but for what rigid parts meet by themselves, for them; empty if not needed.
         free: 1 where a node may move, 0 where it is held, per node, float32.
-        contacts: nodes where an obstacle limits the velocity, in the order of rows (``contacts.contact_arrays``).
+        contacts: nodes where something limits the velocity, in the order of rows (``contacts.contact_arrays``); the
+            impulses that it takes are added up.
         grid: (shift_x, shift_y, shift_z, ny, nz).
         dx: cell side in metres, float32.
         gain: velocity that all nodes gain in this substep, m/s, [3].
@@ -46,9 +48,9 @@ def grid_plane(plane, spans, momentum, velocity, unblocked, free, contacts, grid
         rigid: velocity field that is not damped: linear velocity, angular velocity, centre (m), [9].
     """
     state = begin_flush_to_zero()
-    starts, nodes, planes = contacts
+    starts, nodes, planes, impulses = contacts
     ny, nz = grid[3], grid[4]
-    ex, ey, ez = _x_lane(), _y_lane(), _z_lane()
+    ex, ey, ez, mass_lane = _x_lane(), _y_lane(), _z_lane(), _mass_lane()
     gained = ex * gain[0] + ey * gain[1] + ez * gain[2]
     zero = splat16(_f(0))
     least = splat16(_SMALLEST_MASS)
@@ -81,17 +83,21 @@ def grid_plane(plane, spans, momentum, velocity, unblocked, free, contacts, grid
             v = total / maximum(mass, least)
             v = (v - damping * (v - undamped) + gained) * load_group_each(free, base + column)
             v = where(mass > least, v, zero)
+            v = v + mass_lane * (mass - v)
             store(velocity, at, v)
             if len(unblocked) > 0:
                 store(unblocked, at, v)
             undamped = undamped + _f(4) * per_node
         for contact in range(starts[plane * ny + row], starts[plane * ny + row + 1]):
-            column, kind, is_ground = nodes[contact]
+            column, kind, spares_rigid = nodes[contact, 0], nodes[contact, 1], nodes[contact, 2]
             if low <= column < high:
                 at = (base + column) * 4
-                v0, v1, v2 = velocity[at], velocity[at + 1], velocity[at + 2]
-                v0, v1, v2 = allowed_velocity(v0, v1, v2, kind, planes[contact])
-                velocity[at], velocity[at + 1], velocity[at + 2] = v0, v1, v2
-                if is_ground == 0 and len(unblocked) > 0:
-                    unblocked[at], unblocked[at + 1], unblocked[at + 2] = v0, v1, v2
+                v0, v1, v2, mass_here = velocity[at], velocity[at + 1], velocity[at + 2], velocity[at + 3]
+                u0, u1, u2 = allowed_velocity(v0, v1, v2, kind, planes[contact])
+                velocity[at], velocity[at + 1], velocity[at + 2] = u0, u1, u2
+                impulses[contact, 0] += mass_here * (u0 - v0)
+                impulses[contact, 1] += mass_here * (u1 - v1)
+                impulses[contact, 2] += mass_here * (u2 - v2)
+                if spares_rigid == 0 and len(unblocked) > 0:
+                    unblocked[at], unblocked[at + 1], unblocked[at + 2] = u0, u1, u2
     restore_float_state(state)

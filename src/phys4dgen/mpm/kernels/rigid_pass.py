@@ -14,8 +14,8 @@ through the group: a rigid weight would creep into what carries it. So each part
 sum of what its gathered velocity lacked to the rigid motion closest to all of them; scattered with the rigid motion it
 acts on the grid as the stress of a rigid body does. It has neither momentum nor angular momentum.
 
-Contact with the ground acts on the vertices of the group's convex hull: sequential impulses with Coulomb friction
-(E. Catto, *Iterative dynamics with temporal coherence*, 2005), speculative, so that nothing sinks in.
+Contact with ground and obstacles acts on the vertices of the group's convex hull: sequential impulses with Coulomb
+friction (E. Catto, *Iterative dynamics with temporal coherence*, 2005), speculative, so that nothing sinks in.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ from phys4dgen.mpm.kernels.contact import SLIP, STICKY
 from phys4dgen.mpm.kernels.layout import (
     AFFINE,
     DISPLACEMENT_GRADIENT,
-    GRADIENT_REST,
     INDEX,
     MASS,
     POSITION,
@@ -186,7 +185,6 @@ def place_rigid(particles, first, last, group_of, offsets, motion, constraint):
             identity = 1.0 if k % 4 == 0 else 0.0
             particles[AFFINE + k, p] = gradient[k]
             particles[DISPLACEMENT_GRADIENT + k, p] = to[ROTATION + k] - identity
-            particles[GRADIENT_REST + k, p] = 0
 
 
 @strict_kernel
@@ -240,82 +238,150 @@ def _times(matrix, x, y, z):
 
 
 @strict_kernel
-def _strike_ground(motion, rotation, v, momentum, mass, W, points, radii, impulses, ground, resting_ms, dt):
-    """Impulses of the ground on one group; changes its velocity ``v`` [3] and angular momentum ``momentum`` [3].
+def _surface(obstacle, x, y, z):
+    """(distance, normal 3) of the surface of a row of ``obstacles.obstacle_table`` from a point; negative inside."""
+    px, py, pz = x - obstacle[1], y - obstacle[2], z - obstacle[3]
+    if obstacle[0] == 0:
+        nx, ny, nz = obstacle[7], obstacle[8], obstacle[9]
+        return px * nx + py * ny + pz * nz, nx, ny, nz
+    if obstacle[0] == 2:
+        length = max(math.sqrt(px * px + py * py + pz * pz), 1e-12)
+        return obstacle[19] - length, -px / length, -py / length, -pz / length
+    best, nearest = -1e300, 0
+    squared = 0.0
+    out = np.zeros(3)
+    for axis in range(3):
+        local = px * obstacle[7 + axis] + py * obstacle[10 + axis] + pz * obstacle[13 + axis]
+        beyond = abs(local) - obstacle[16 + axis]
+        if beyond > best:
+            best, nearest = beyond, axis
+        out[axis] = math.copysign(max(beyond, 0.0), local)
+        squared += out[axis] * out[axis]
+    length = math.sqrt(squared)
+    if length > 1e-12:
+        for axis in range(3):
+            out[axis] /= length
+    else:
+        local = px * obstacle[7 + nearest] + py * obstacle[10 + nearest] + pz * obstacle[13 + nearest]
+        out[nearest] = math.copysign(1.0, local)
+    nx = obstacle[7] * out[0] + obstacle[8] * out[1] + obstacle[9] * out[2]
+    ny = obstacle[10] * out[0] + obstacle[11] * out[1] + obstacle[12] * out[2]
+    nz = obstacle[13] * out[0] + obstacle[14] * out[1] + obstacle[15] * out[2]
+    return length + min(best, 0.0) - obstacle[19], nx, ny, nz
 
-    Per contact point the normal velocity after the substep must not carry the point below the ground; the friction of
+
+@strict_kernel
+def _set_axes(normal, axes):
+    """``axes`` [3, 3] = two tangents and the normal; along x and y where the normal is z."""
+    along = 0 if abs(normal[0]) < 0.9 else 1
+    length = 0.0
+    for k in range(3):
+        axes[0, k] = (1.0 if k == along else 0.0) - normal[along] * normal[k]
+        length += axes[0, k] * axes[0, k]
+    for k in range(3):
+        axes[0, k] /= math.sqrt(length)
+        axes[2, k] = normal[k]
+    axes[1, 0], axes[1, 1], axes[1, 2] = _cross((normal[0], normal[1], normal[2]), (axes[0, 0], axes[0, 1], axes[0, 2]))
+
+
+@strict_kernel
+def _add_impulse(axis, size, arm, mass, v, momentum):
+    """Give a group an impulse of one size along a direction at an arm from its centre."""
+    for k in range(3):
+        v[k] += size * axis[k] / mass
+    tx, ty, tz = _cross((arm[0], arm[1], arm[2]), (axis[0], axis[1], axis[2]))
+    momentum[0] += size * tx
+    momentum[1] += size * ty
+    momentum[2] += size * tz
+
+
+@strict_kernel
+def _strike(motion, rotation, v, momentum, mass, W, points, radii, impulses, obstacles, reactions, resting_ms, dt):
+    """Impulses of obstacles on one group; changes its velocity ``v`` [3] and angular momentum ``momentum`` [3].
+
+    Per contact point the normal velocity after the substep must not carry the point into the obstacle; the friction of
     each point stays in the Coulomb cone of its normal impulse. Both are found by sweeping over the points, starting
     from the impulses of the last substep.
     """
-    height, kind, friction, restitution = ground
-    count = len(points)
-    arms = np.zeros((count, 3))
-    wanted = np.zeros(count)
-    near = np.zeros(count, np.int64)
+    most = len(points) * len(obstacles)
+    arms = np.zeros((most, 3))
+    axes = np.zeros((most, 3, 3))
+    wanted = np.zeros(most)
+    which = np.zeros((most, 2), np.int64)
+    normal = np.zeros(3)
     touching = 0
     spin = _times(W, momentum[0], momentum[1], momentum[2])
-    for i in range(count):
-        for axis in range(3):
-            arms[i, axis] = (
-                rotation[3 * axis] * points[i, 0]
-                + rotation[3 * axis + 1] * points[i, 1]
-                + rotation[3 * axis + 2] * points[i, 2]
+    reach = 4 * resting_ms * dt
+    for i in range(len(points)):
+        arm = _rotated(rotation, 0, (points[i, 0], points[i, 1], points[i, 2]))
+        turned = _cross(spin, arm)
+        for o in range(len(obstacles)):
+            obstacle = obstacles[o]
+            if obstacle[20] < 0:
+                impulses[o, i] = 0
+                continue
+            distance, normal[0], normal[1], normal[2] = _surface(
+                obstacle, motion[CENTRE] + arm[0], motion[CENTRE + 1] + arm[1], motion[CENTRE + 2] + arm[2]
             )
-        gap = motion[CENTRE + 2] + arms[i, 2] - radii[i] - height
-        falling = v[2] + spin[0] * arms[i, 1] - spin[1] * arms[i, 0]
-        reach = 4 * resting_ms * dt
-        if gap + min(falling, 0.0) * dt > reach:
-            impulses[i] = 0
-            continue
-        arms[i, 2] -= radii[i]  # the point that touches
-        wanted[i] = -gap / dt if gap > 0 else min(-_PUSH_OUT * gap / dt, 2 * resting_ms)
-        if falling < -2 * resting_ms and gap + falling * dt <= 0:
-            wanted[i] = max(wanted[i], -restitution * falling)
-        near[touching] = i
-        touching += 1
+            gap = distance - radii[i]
+            leaving = 0.0
+            for k in range(3):
+                leaving += (v[k] + turned[k] - obstacle[4 + k]) * normal[k]
+            if gap + min(leaving, 0.0) * dt > reach:
+                impulses[o, i] = 0
+                continue
+            for k in range(3):
+                arms[touching, k] = arm[k] - radii[i] * normal[k]  # the point that touches
+            _set_axes(normal, axes[touching])
+            wanted[touching] = -gap / dt if gap > 0 else min(-_PUSH_OUT * gap / dt, 2 * resting_ms)
+            if leaving < -2 * resting_ms and gap + leaving * dt <= 0:
+                wanted[touching] = max(wanted[touching], -obstacle[22] * leaving)
+            which[touching, 0], which[touching, 1] = o, i
+            touching += 1
     for n in range(touching):  # start from the last substep's impulses
-        i = near[n]
+        before = impulses[which[n, 0], which[n, 1]]
         for axis in range(3):
-            v[axis] += impulses[i, axis] / mass
-        momentum[0] += arms[i, 1] * impulses[i, 2] - arms[i, 2] * impulses[i, 1]
-        momentum[1] += arms[i, 2] * impulses[i, 0] - arms[i, 0] * impulses[i, 2]
-        momentum[2] += arms[i, 0] * impulses[i, 1] - arms[i, 1] * impulses[i, 0]
+            _add_impulse(axes[n, axis], before[axis], arms[n], mass, v, momentum)
     for _ in range(_SWEEPS if touching > 0 else 0):
         for n in range(touching):
-            i = near[n]
-            rx, ry, rz = arms[i, 0], arms[i, 1], arms[i, 2]
+            obstacle, impulse = obstacles[which[n, 0]], impulses[which[n, 0], which[n, 1]]
+            kind = obstacle[20]
+            arm = _three(arms[n], 0)
             for turn in range(3):
-                axis = 2 - turn  # the normal first, then y and x
-                ex, ey, ez = 1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2)
-                tx, ty, tz = ry * ez - rz * ey, rz * ex - rx * ez, rx * ey - ry * ex
-                ux, uy, uz = _times(W, tx, ty, tz)
-                compliance = 1 / mass + tx * ux + ty * uy + tz * uz
-                wx, wy, wz = _times(W, momentum[0], momentum[1], momentum[2])
-                velocity = v[axis] + wx * tx + wy * ty + wz * tz
-                before = impulses[i, axis]
+                axis = 2 - turn  # the normal first, then the tangents
+                direction = _three(axes[n, axis], 0)
+                t = _cross(arm, direction)
+                u = _times(W, t[0], t[1], t[2])
+                compliance = 1 / mass + t[0] * u[0] + t[1] * u[1] + t[2] * u[2]
+                w = _times(W, momentum[0], momentum[1], momentum[2])
+                velocity = w[0] * t[0] + w[1] * t[1] + w[2] * t[2]
+                for k in range(3):
+                    velocity += (v[k] - obstacle[4 + k]) * direction[k]
+                before = impulse[axis]
                 if axis == 2:
-                    after = before + (wanted[i] - velocity) / compliance
+                    after = before + (wanted[n] - velocity) / compliance
                     if kind != SLIP and kind != STICKY:
                         after = max(after, 0.0)
                 else:
                     after = before - velocity / compliance
                     if kind != STICKY:
-                        other = impulses[i, 1 - axis]
-                        limit = 0.0 if kind == SLIP else friction * impulses[i, 2]
+                        other = impulse[1 - axis]
+                        limit = 0.0 if kind == SLIP else obstacle[21] * impulse[2]
                         allowed = math.sqrt(max(limit * limit - other * other, 0.0))
                         after = min(max(after, -allowed), allowed)
-                step = after - before
-                impulses[i, axis] = after
-                v[axis] += step / mass
-                momentum[0] += step * tx
-                momentum[1] += step * ty
-                momentum[2] += step * tz
+                impulse[axis] = after
+                _add_impulse(axes[n, axis], after - before, arms[n], mass, v, momentum)
+    for n in range(touching):
+        for axis in range(3):
+            for k in range(3):
+                reactions[which[n, 0], k] += impulses[which[n, 0], which[n, 1], axis] * axes[n, axis, k]
 
 
 @strict_kernel
 def move_rigid(
-    motion, sums, mass, inverse_inertia, inverse_point_inertia, points, radii, starts, impulses, ground, resting_ms, dt
-):
+    motion, sums, mass, inverse_inertia, inverse_point_inertia, points, radii, starts, impulses, reactions, obstacles,
+    resting_ms, dt,
+):  # fmt: skip
     """Advance every group by one substep.
 
     Args:
@@ -327,8 +393,10 @@ def move_rigid(
         points: contact points of all groups at rest, from the group's centre, m, float64 [K, 3].
         radii: how far material reaches beyond each contact point, m, float64 [K].
         starts: first contact point of each group, int64 [groups + 1].
-        impulses: of the ground on each contact point in the last substep, float64 [K, 3]; updated.
-        ground: (height in m from the origin, kind or -1, friction, restitution).
+        impulses: of each obstacle on each contact point in the last substep, along two tangents and the normal, float64
+            [O, K, 3]; updated.
+        reactions: impulses of each obstacle on all groups, float64 [O, 3]; added to.
+        obstacles: ``obstacles.obstacle_table``; moved by one substep.
         resting_ms: velocity that loads add in a substep; slower impacts do not bounce.
         dt: substep, s.
     """
@@ -353,11 +421,11 @@ def move_rigid(
             for chunk in range(len(sums)):
                 momentum[axis] += sums[chunk, g, 6 + axis]
         _world_inverse_inertia(rotation, inverse_inertia[g], W)
-        if ground[1] >= 0:
+        if len(obstacles) > 0:
             mine = slice(starts[g], starts[g + 1])
-            _strike_ground(
-                motion[g], rotation, v, momentum, mass[g], W, points[mine], radii[mine], impulses[mine], ground,
-                resting_ms, dt,
+            _strike(
+                motion[g], rotation, v, momentum, mass[g], W, points[mine], radii[mine], impulses[:, mine], obstacles,
+                reactions, resting_ms, dt,
             )  # fmt: skip
         wx, wy, wz = _times(W, momentum[0], momentum[1], momentum[2])
         _turn(rotation, wx * dt / 2, wy * dt / 2, wz * dt / 2, half)
@@ -370,3 +438,6 @@ def move_rigid(
             motion[g, CENTRE + axis] += dt * v[axis]
             motion[g, VELOCITY_OF_CENTRE + axis] = v[axis]
             motion[g, SPIN + axis] = spin[axis]
+    for o in range(len(obstacles)):
+        for axis in range(3):
+            obstacles[o, 1 + axis] += dt * obstacles[o, 4 + axis]

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from phys4dgen.scene.sections.values import Auto, Direction, Positive, Section
+from phys4dgen.scene.sections.values import Auto, Direction, PartName, Positive, Section
 
 __all__ = ["Motion"]
 
@@ -14,9 +14,12 @@ __all__ = ["Motion"]
 class Motion(Section):
     """What happens to the object, besides the forces given."""
 
-    preset: Literal["auto", "sway", "drop", "rest"] = "auto"
-    """sway: a gust on what is not held; drop: falls on a ground; rest: nothing; auto: rest where forces are given, else
-    sway if a gust of 3 g is enough for it and breaks nothing, else drop"""
+    preset: Literal["auto", "sway", "drop", "press", "twist", "rest"] = "auto"
+    """sway: a gust on what is not held; drop: falls on a ground; press: a plate comes from above and goes back; twist:
+    the top is turned and let go; rest: nothing; auto: rest where forces or solid boundaries are given, else sway if a
+    gust of 3 g is enough for it and breaks nothing, else drop"""
+    part: PartName | None = None
+    """of twist: what is turned; null: the highest fifth"""
     wind: Auto | Direction = "auto"
     """direction of the gust in the input's axes; auto: horizontal"""
     amplitude_rel: Annotated[float, Field(gt=0, le=0.5)] = 0.10
@@ -27,3 +30,9 @@ class Motion(Section):
     """length of the gust"""
     drop_height_rel: Annotated[float, Field(ge=0, le=10)] = 0.4
     """of drop: from the lowest point to the ground, of the height"""
+    press_depth_rel: Annotated[float, Field(gt=0, lt=1)] = 0.3
+    """of press: how far the plate goes after it has touched, of the height"""
+    press_force_n: Positive | None = None
+    """of press: instead, the force of the plate in newtons"""
+    twist_deg: Annotated[float, Field(ge=-3600, le=3600)] = 90.0
+    """of twist: how far it is turned about the vertical"""

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, PlainSerializer
 from pydantic_core import PydanticCustomError
 
 __all__ = [
@@ -15,12 +15,14 @@ __all__ = [
     "AxisName",
     "Direction",
     "FilePath",
+    "Length",
     "PartName",
     "Positive",
     "Section",
     "SeedPoints",
     "Vector",
     "as_tuple",
+    "kind_of",
 ]
 
 ALL_PARTS = "all"
@@ -49,6 +51,13 @@ def as_tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
+def kind_of(default: str) -> Discriminator:
+    """Chooses the member of a union by its key ``kind``; ``default`` where it is left out."""
+    return Discriminator(
+        lambda value: value.get("kind", default) if isinstance(value, dict) else getattr(value, "kind", None)
+    )
+
+
 Vector = Annotated[tuple[float, float, float], BeforeValidator(_vector)]
 Direction = Annotated[tuple[float, float, float], BeforeValidator(_vector), AfterValidator(_nonzero)]
 FilePath = Annotated[
@@ -61,6 +70,8 @@ SeedPoints = Annotated[tuple[Vector, ...], BeforeValidator(as_tuple), Field(min_
 Auto = Literal["auto"]
 AxisName = Literal["auto", "x", "+x", "-x", "y", "+y", "-y", "z", "+z", "-z"]
 Positive = Annotated[float, Field(gt=0, le=1e6)]
+Length = Annotated[float, Field(gt=0, le=1e9)]
+"""In the input's units."""
 
 
 class Section(BaseModel):

@@ -1,0 +1,121 @@
+"""Prescribed motion: what moves as it is told, whatever resists (Paper: Sec. C.2, the first kind of force).
+
+A velocity that is written on particles alone loses against the stress of their neighbours, substep by substep. Here the
+grid's nodes that belong to driven particles by more than half of their mass get it: inside, the particles then follow
+exactly (uniform motion and turns are reproduced by the splines), and what is grown together with them is clamped.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.mpm.body import Body
+from phys4dgen.mpm.contacts import Entries
+from phys4dgen.mpm.kernels.contact import STICKY
+from phys4dgen.mpm.kernels.shares import node_masses
+from phys4dgen.mpm.loads import Selection, Vector, checked_vector
+
+__all__ = ["Drive", "DrivenNodes"]
+
+_LEAST_MASS = 1e-6  # of the mean particle mass
+
+
+@dataclass(frozen=True, eq=False)
+class Drive(Selection):
+    """The velocity v = u + w x (x - c - u t) of what it means, t from the start of its window.
+
+    Attributes:
+        velocity_ms: u.
+        spin_rad_s: w.
+        center_m: c, a point of the axis at ``from_s``.
+        from_s, to_s: the window.
+        let_go_s: end of the window of each particle, where they differ, shape [P]; earlier than ``to_s``.
+    """
+
+    velocity_ms: Vector = (0.0, 0.0, 0.0)
+    spin_rad_s: Vector = (0.0, 0.0, 0.0)
+    center_m: Vector = (0.0, 0.0, 0.0)
+    from_s: float = 0.0
+    to_s: float = math.inf
+    let_go_s: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("velocity_ms", "spin_rad_s", "center_m"):
+            object.__setattr__(self, name, checked_vector(getattr(self, name), name))
+        if not (math.isfinite(self.from_s) and self.from_s < self.to_s):
+            raise ValueError(f"from_s, to_s: expected from_s < to_s, got {self.from_s} and {self.to_s}.")
+
+    def velocities_ms(self, points_m: NDArray[np.float64], time_s: float) -> NDArray[np.float64]:
+        """The velocity at points [K, 3]."""
+        u = np.array(self.velocity_ms)
+        arms = points_m - np.array(self.center_m) - u * (time_s - self.from_s)
+        return u + np.cross(np.array(self.spin_rad_s), arms)
+
+    def drives(self, body: Body, time_s: float) -> NDArray[np.bool_]:
+        """Particles of ``body`` that it drives now, [P]."""
+        if not self.from_s <= time_s < self.to_s:
+            return np.zeros(len(body), np.bool_)
+        meant = self.selects(body)
+        return meant if self.let_go_s is None else meant & (time_s < self.let_go_s)
+
+
+class DrivenNodes:
+    """The drives of one body."""
+
+    def __init__(self, body: Body, drives: Sequence[Drive], *, origin_m: NDArray[np.float64], dx_m: float) -> None:
+        """Prepare; raises SimulationError where a drive names a part that does not exist."""
+        self._body, self._drives = body, tuple(drives)
+        self._origin_m, self._dx_m = origin_m, dx_m
+        self._places = [body.positions_m[drive.selects(body)] for drive in drives]
+
+    def top_speed_ms(self, time_s: float) -> float:
+        """The largest velocity that is set now."""
+        speeds = [
+            float(np.linalg.norm(drive.velocities_ms(places, drive.from_s), axis=1).max(initial=0.0))
+            for drive, places in zip(self._drives, self._places, strict=True)
+            if drive.from_s <= time_s < drive.to_s
+        ]
+        return max(speeds, default=0.0)
+
+    def entries(
+        self,
+        columns: NDArray[np.float32],
+        numbers: NDArray[np.int64],
+        *,
+        time_s: float,
+        shift: NDArray[np.int64],
+        nodes: tuple[int, int, int],
+    ) -> list[Entries]:
+        """Nodes with a velocity that is set, for ``contacts.contact_arrays``, in a grid as ``grid.Grid`` has it.
+
+        Args:
+            columns: of the particles, see ``kernels.layout``.
+            numbers: number in the body of each.
+            time_s: now.
+            shift: world node of the grid's first node.
+            nodes: nodes of the grid along x, y, z.
+        """
+        owner = np.full(len(self._body), -1, np.int32)
+        for number, drive in enumerate(self._drives):
+            owner[drive.drives(self._body, time_s)] = number
+        found = []
+        present = np.unique(owner[owner >= 0])
+        if len(present) == 0:
+            return []
+        owner_of_column = owner[numbers]
+        total, own = np.zeros((2, *nodes), np.float32)
+        for number in present:
+            total[:], own[:] = 0, 0
+            node_masses(columns, owner_of_column, int(number), np.float32(1 / self._dx_m), shift, total, own)
+            places = np.argwhere((own > 0.5 * total) & (own > _LEAST_MASS)) + shift
+            velocities = self._drives[number].velocities_ms(places * self._dx_m + self._origin_m, time_s)
+            kinds = np.tile(np.array([STICKY, 0, -1], np.int32), (len(places), 1))
+            planes = np.zeros((len(places), 7), np.float32)
+            planes[:, 4:] = velocities
+            found.append((places, kinds, planes))
+        return found

@@ -1,0 +1,161 @@
+"""What a motion preset means: weight, boundaries, what is held by itself, what is turned."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.errors import SceneError
+from phys4dgen.mpm import Drive
+from phys4dgen.scene import (
+    ALL_PARTS,
+    Boundary,
+    Container,
+    Ground,
+    Pin,
+    PlaneObstacle,
+    Plate,
+    Release,
+    RotationSet,
+    Scene,
+    VelocitySet,
+)
+from phys4dgen.stages.asset import Asset
+
+__all__ = ["Circumstances", "acts_by_itself", "circumstances", "twist"]
+
+_GRAVITY_MS2 = 9.81
+_PRESS_S, _PRESSED_S, _RELEASE_S = 0.3, 0.15, 0.2
+_TWISTING_S, _TWISTED_S = 0.35, 0.12
+"""Shares of the film's duration."""
+
+_PRESS_FRICTION = 0.6
+_TWISTED_TOP = 0.2
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """What a preset adds to the scene.
+
+    Attributes:
+        preset: its name; not auto.
+        gravity: whether weight acts.
+        gravity_ms2: when it does, z up.
+        boundaries: of the scene and of the preset.
+        holds_what_stands: whether what stands on the ground is held where the user does not say what is.
+    """
+
+    preset: str
+    gravity: Literal["rest", "on", "off"]
+    gravity_ms2: tuple[float, float, float]
+    boundaries: tuple[Boundary, ...]
+    holds_what_stands: bool
+
+    @property
+    def ground(self) -> Ground | None:
+        """The ground, if there is one."""
+        return next((boundary for boundary in self.boundaries if isinstance(boundary, Ground)), None)
+
+
+def acts_by_itself(scene: Scene) -> bool:
+    """Whether the scene says what happens, so that ``auto`` need not find it out: a force, or more than a ground."""
+    return bool(scene.forces) or any(not isinstance(boundary, Ground) for boundary in scene.boundaries)
+
+
+def circumstances(scene: Scene, asset: Asset, preset: str) -> Circumstances:
+    """What happens to the object besides its forces."""
+    kinds = {type(boundary) for boundary in scene.boundaries}
+    boundaries = scene.boundaries
+    if preset == "press" and Plate not in kinds:
+        boundaries = (*boundaries, _plate(scene))
+    if preset in ("drop", "press") and Ground not in kinds:
+        # without weight nothing but the ground keeps what is pressed from jumping off when it is let go
+        extra = {"friction": _PRESS_FRICTION, "contact": "sticky"} if preset == "press" else {}
+        boundaries = (*boundaries, Ground(**extra))
+    gravity = scene.gravity
+    if gravity == "auto":
+        gravity = "on" if preset == "drop" or scene.gravity_ms2 != "auto" else "rest"
+    return Circumstances(
+        preset,
+        gravity,
+        _gravity_ms2(scene, asset) if gravity == "on" else (0.0, 0.0, 0.0),
+        boundaries,
+        _holds_what_stands(scene, preset, gravity),
+    )
+
+
+def _plate(scene: Scene) -> Plate:
+    duration_s = scene.simulation.duration_s
+    return Plate(
+        depth_rel=scene.motion.press_depth_rel,
+        force_n=scene.motion.press_force_n,
+        press_s=_PRESS_S * duration_s,
+        hold_s=_PRESSED_S * duration_s,
+        release_s=_RELEASE_S * duration_s,
+    )
+
+
+def _gravity_ms2(scene: Scene, asset: Asset) -> tuple[float, float, float]:
+    if isinstance(scene.gravity_ms2, str):
+        return 0.0, 0.0, -_GRAVITY_MS2
+    x, y, z = (float(value) for value in asset.frame.rotation @ np.array(scene.gravity_ms2))
+    return x, y, z
+
+
+def _holds_what_stands(scene: Scene, preset: str, gravity: str) -> bool:
+    """Something must keep the object in the film, unless it lies on something or all of it is told where to go."""
+    if preset in ("sway", "twist"):
+        return True
+    if preset != "rest" or not acts_by_itself(scene):
+        return False
+    carrying = (Ground, PlaneObstacle, Container, Pin, Release)
+    if gravity == "on" and any(isinstance(boundary, carrying) for boundary in scene.boundaries):
+        return False
+    told = (f for f in scene.forces if isinstance(f, (VelocitySet, RotationSet)))
+    return not any(force.part == ALL_PARTS and force.region is None for force in told)
+
+
+def twist(
+    scene: Scene,
+    *,
+    points_m: NDArray[np.float64],
+    part: NDArray[np.int32],
+    part_names: tuple[str, ...],
+    mass_kg: NDArray[np.float64],
+    held: NDArray[np.bool_],
+) -> tuple[Drive, Drive]:
+    """What ``twist`` turns: to the angle asked for, then held there, then let go.
+
+    Args:
+        scene: how far, and of which part.
+        points_m: particles at rest, z up, [P, 3].
+        part: part of each, [P].
+        part_names: names by number.
+        mass_kg: of each particle.
+        held: particles that do not move.
+
+    Raises:
+        SceneError: it is held.
+    """
+    name = scene.motion.part
+    if name is None:
+        low, high = points_m[:, 2].min(), points_m[:, 2].max()
+        chosen = points_m[:, 2] > high - _TWISTED_TOP * (high - low)
+    else:
+        chosen = part == part_names.index(name)
+    chosen = chosen & ~held
+    if not chosen.any():
+        raise SceneError(f"motion.part: '{name or 'the top'}' is held and cannot be twisted; free it or name another.")
+    center = np.average(points_m[chosen], axis=0, weights=mass_kg[chosen])
+    duration_s = scene.simulation.duration_s
+    turned_s = _TWISTING_S * duration_s
+    spin = (0.0, 0.0, math.radians(scene.motion.twist_deg) / turned_s)
+    x, y, z = (float(value) for value in center)
+    return (
+        Drive(spin_rad_s=spin, center_m=(x, y, z), to_s=turned_s, chosen=chosen),
+        Drive(from_s=turned_s, to_s=turned_s + _TWISTED_S * duration_s, chosen=chosen),
+    )
