@@ -1,0 +1,90 @@
+"""Run the scenes of examples/ and put stills of their films on one sheet.
+
+python scripts/showcase.py OUT [NAME ...] [--sheet SHEET.jpg]
+
+Every scene gets a run folder OUT/NAME; finished ones are kept, so that the sheet can be made again at once. The command
+prints what each run took and ends with 1 when one of them failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
+STILLS = 4
+WIDTH_PX = 220
+LABEL_PX = 18
+
+
+def main() -> int:
+    """Run what is not there yet, and make the sheet."""
+    parser = argparse.ArgumentParser(description="Run the scenes of examples/ and put stills of them on one sheet.")
+    parser.add_argument("out", type=Path, help="folder that gets one run folder per scene")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="scenes (default: all)")
+    parser.add_argument("--sheet", type=Path, help="picture to write (default: OUT/showcase.jpg)")
+    options = parser.parse_args()
+    names = options.names or sorted(path.stem for path in EXAMPLES.glob("*.yaml"))
+    failed = [name for name in names if not _run(name, options.out / name)]
+    rows = [_row(options.out / name, name) for name in names if name not in failed]
+    if rows:
+        sheet = options.sheet or options.out / "showcase.jpg"
+        _stacked(rows).save(sheet, quality=82, optimize=True)
+        print(sheet)
+    return 1 if failed else 0
+
+
+def _run(name: str, folder: Path) -> bool:
+    if (folder / "report.json").is_file() and (folder / "video.mp4").is_file():
+        return True
+    command = [sys.executable, "-m", "phys4dgen", "demo", "--scene", str(EXAMPLES / f"{name}.yaml"), "-o", str(folder)]
+    start = time.perf_counter()
+    done = subprocess.run([*command, "--output.frames", "none", "-q"], check=False, capture_output=True, text=True)
+    seconds = time.perf_counter() - start
+    print(f"{name}: {seconds:.0f} s" if done.returncode == 0 else f"{name}: failed: {done.stderr.strip()}", flush=True)
+    return done.returncode == 0
+
+
+def _row(folder: Path, name: str) -> Image.Image:
+    """The scene's name over stills at even times, cropped to what the film shows."""
+    reader = imageio_ffmpeg.read_frames(str(folder / "video.mp4"))
+    width, height = next(reader)["size"]
+    frames = np.stack([np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader])
+    shown = frames[np.linspace(0, len(frames) - 1, STILLS).round().astype(int)]
+    drawn = (shown < 245).any((0, 3))
+    columns, lines = np.flatnonzero(drawn.any(0)), np.flatnonzero(drawn.any(1))
+    box = (columns[0], lines[0], columns[-1] + 1, lines[-1] + 1)
+    tall = round(WIDTH_PX * (box[3] - box[1]) / (box[2] - box[0]))
+    row = Image.new("RGB", (STILLS * WIDTH_PX, tall + LABEL_PX), "white")
+    ImageDraw.Draw(row).text((4, 2), name.replace("_", " "), "black", ImageFont.load_default(13))
+    for place, frame in enumerate(shown):
+        still = Image.fromarray(frame).crop(box).resize((WIDTH_PX, tall), Image.Resampling.LANCZOS)
+        row.paste(still, (place * WIDTH_PX, LABEL_PX))
+    return row
+
+
+def _stacked(rows: list[Image.Image]) -> Image.Image:
+    """The rows in two columns of about the same height."""
+    columns: list[list[Image.Image]] = [[], []]
+    for row in rows:
+        min(columns, key=lambda column: sum(image.height for image in column)).append(row)
+    width = rows[0].width
+    heights = [sum(image.height for image in column) for column in columns]
+    sheet = Image.new("RGB", (2 * width + 12, max(heights)), "white")
+    for number, column in enumerate(columns):
+        top = 0
+        for row in column:
+            sheet.paste(row, (number * (width + 12), top))
+            top += row.height
+    return sheet
+
+
+if __name__ == "__main__":
+    sys.exit(main())
