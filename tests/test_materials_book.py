@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,6 @@ from phys4dgen.materials import (
     material,
     parse_choices,
     read_materials,
-    runnable_law,
     write_materials,
 )
 from phys4dgen.materials.rules import DEFAULT_SOLID
@@ -68,11 +68,37 @@ def test_flags_are_read_and_refused():
             parse_choices([bad])
 
 
-def test_laws_that_are_not_built_run_as_neo_hookean_with_a_warning():
-    assert runnable_law(material("leaf")) == ("neo_hookean", None)
-    law, warning = runnable_law(material("sand"))
-    assert law == "neo_hookean"
-    assert warning is not None and "drucker_prager is not built yet" in warning
+@pytest.mark.parametrize(
+    ("law", "extra", "problem"),
+    [
+        ("von_mises", {}, "the law von_mises needs yield_stress_pa"),
+        (
+            "snow",
+            {"critical_compression": 0.5},
+            r"critical_compression of the law snow must lie in \[0.0001, 0.2\], got 0.5",
+        ),
+        ("von_mises", {"yield_stress_pa": 1e4, "hardening_modulus_pa": -1e12}, "hardening_modulus_pa must be at least"),
+        ("von_mises", {"yield_stress_pa": 1e4, "residual_yield_stress_pa": 2e4}, "must not exceed yield_stress_pa"),
+    ],
+)
+def test_a_law_without_its_numbers_is_refused(tmp_path: Path, law, extra, problem):
+    wrong = replace(material("felt"), law=law, extra=extra)
+    with pytest.raises(MaterialError, match=f"part 'soil', material felt: .*{problem}"):
+        assemble_book(NAMES, IDENTIFIED, from_file={"soil": PartMaterials(wrong, wrong)})
+    path = tmp_path / "materials.yaml"
+    numbers = "".join(f"{key}: {value}, " for key, value in extra.items())
+    path.write_text(f"parts:\n  soil:\n    surface: {{name: felt, law: {law}, extra: {{{numbers}}}}}\n")
+    with pytest.raises(MaterialError, match=f"line 3: .*{problem}"):
+        read_materials(path, NAMES)
+
+
+def test_a_number_of_no_law_is_refused(tmp_path: Path):
+    path = tmp_path / "materials.yaml"
+    path.write_text("parts:\n  pot: {surface: {name: wax, extra: {yeild_stress_pa: 1e6}}}\n")
+    with pytest.raises(
+        MaterialError, match=r"'yeild_stress_pa' is not a number of any law.*Did you mean 'yield_stress_pa'"
+    ):
+        read_materials(path)
 
 
 def test_the_whole_library_survives_the_file(tmp_path: Path):
@@ -186,15 +212,6 @@ def test_a_part_that_does_not_exist_is_refused_with_its_line(tmp_path: Path):
         MaterialError, match=r"line 3: there is no part 'leafs'\. Did you mean 'leaves'\? The parts are p"
     ):
         read_materials(path, NAMES)
-
-
-def test_the_book_says_which_law_is_run(tmp_path: Path):
-    book = assemble_book(NAMES, IDENTIFIED, surface={"soil": "garden_soil"})
-    told = book.parts["soil"].surface.warnings
-    assert any("drucker_prager is not built yet" in warning for warning in told)
-    write_materials(tmp_path / "materials.yaml", book)
-    again = assemble_book(NAMES, IDENTIFIED, from_file=read_materials(tmp_path / "materials.yaml", NAMES))
-    assert again == book  # no warning is said twice
 
 
 def test_a_missing_file_is_a_material_error(tmp_path: Path):

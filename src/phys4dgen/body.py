@@ -3,7 +3,9 @@
 A sheet of thickness t may be simulated at ts > t with density rho t / ts and Young's modulus E (t / ts)^3, a rod of
 diameter d at ds with rho (d / ds)^2 and E (d / ds)^4: mass per area or length and bending stiffness are kept, while
 the wave speed, which limits the time step, falls with t / ts. In-plane stiffness falls too, with (t / ts)^2; it stays
-far above the bending stiffness and is not seen. (PHYSICS.md 1.11, MOTION.md: measured.)
+far above the bending stiffness and is not seen. (PHYSICS.md 1.11, MOTION.md: measured.) Where the material yields,
+sY becomes sY (t / ts)^2 in a sheet and sY (d / ds)^3 in a rod, which keeps the bending moment that it carries. What has
+no shape of its own to bend back to (sand, snow, fluid) is not thickened.
 
 Thin parts are thickened for two reasons: to save time steps, and because a sheet or rod much thinner than a cell bends
 too stiffly in MLS-MPM (up to 2 times the frequency at t/dx = 0.2, by where it lies between nodes; one cell thick it is
@@ -18,9 +20,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.materials import runnable_law
 from phys4dgen.mpm import Body, LawId
-from phys4dgen.types import ROD, SHEET, SOLID, Continuum, Frame, MaterialBook, Parts
+from phys4dgen.types import (
+    KNOWN_NUMBERS,
+    ROD,
+    SHEET,
+    SOLID,
+    Continuum,
+    Frame,
+    Material,
+    MaterialBook,
+    Parts,
+    complete_numbers,
+)
 
 __all__ = ["Assembly", "CappedPart", "PartThickening", "assemble_body"]
 
@@ -43,7 +55,12 @@ _CAPPED_THIN_SHARE = 0.05
 _UNSEEN_RATE = 2.0
 """A swing of this many periods per frame is not seen."""
 
-_LAWS = {"neo_hookean": LawId.NEO_HOOKEAN, "fixed_corotated": LawId.FIXED_COROTATED}
+_SHAPELESS = (LawId.DRUCKER_PRAGER, LawId.SNOW, LawId.FLUID)
+"""Laws whose thin layers have no bending stiffness that thickening would keep."""
+
+_YIELD_NUMBERS = ("yield_stress_pa", "residual_yield_stress_pa")
+_MODULUS_NUMBERS = ("hardening_modulus_pa", "viscosity_pas", "consistency_pasn")
+"""Numbers that scale as a yield stress or as a modulus where a part is thickened."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +115,6 @@ class Assembly:
         strain_ratio: true strain over simulated strain of each particle where it bends, [P].
         yield_strain: strain at which the material yields, infinite where it is not known, [P].
         capped: parts whose thick regions are simulated softer than they are.
-        law_warnings: materials whose law is not built yet.
     """
 
     body: Body
@@ -108,7 +124,6 @@ class Assembly:
     yield_strain: NDArray[np.float64]
     thickening: tuple[PartThickening, ...]
     capped: tuple[CappedPart, ...]
-    law_warnings: tuple[str, ...]
 
     def true_positions_m(
         self, positions_m: NDArray[np.float64], deformation_gradients: NDArray[np.floating]
@@ -150,31 +165,34 @@ def assemble_body(
     density, modulus, poisson = np.zeros(p), np.zeros(p), np.zeros(p)
     yield_strain = np.full(p, math.inf)
     law = np.zeros(p, np.int32)
-    warnings: list[str] = []
+    numbers = {name: np.full(p, math.nan) for name in KNOWN_NUMBERS}
     for number, name in enumerate(parts.names):
         mine = continuum.part == number
         for inside, material in ((False, book.parts[name].surface), (True, book.parts[name].interior)):
             chosen = mine & (continuum.is_interior == inside)
-            law_name, warning = runnable_law(material)
-            if warning is not None and chosen.any() and not still[chosen].all():
-                warnings.append(f"part '{name}': {warning}")
             density[chosen] = material.density_kgm3
             modulus[chosen] = material.youngs_modulus_pa
             poisson[chosen] = material.poisson_ratio
-            law[chosen] = _LAWS[law_name]
-            if "yield_stress_pa" in material.extra:
-                yield_strain[chosen] = material.extra["yield_stress_pa"] / material.youngs_modulus_pa
+            law[chosen] = LawId[material.law.upper()]
+            for key, value in complete_numbers(material.law, material.extra).items():
+                numbers[key][chosen] = value
+            yield_strain[chosen] = _yield_strain(material)
     # A slender rod is free to contract across its axis and feels E alone; its strands, thinner than a cell, cannot
     # contract, and with nu they would bend and carry waves with the P-wave modulus instead.
-    poisson[(continuum.shape == ROD) & ~still] = 0.0
+    shapeless = np.isin(law, _SHAPELESS)
+    poisson[(continuum.shape == ROD) & ~still & ~shapeless] = 0.0
 
     extent_m = float(np.ptp(frame.to_metres(continuum.positions), axis=0).max())
     ratio = _thickening(continuum, density, modulus, poisson, cell_m, max_wave_speed_ms, extent_m)
-    ratio[still] = 1.0
+    ratio[still | shapeless] = 1.0
     offset_m = continuum.offset_m * (ratio - 1)[:, None]
     sheet, rod = continuum.shape == SHEET, continuum.shape == ROD
     thin_density = density / np.where(sheet, ratio, np.where(rod, ratio**2, 1))
     thin_modulus = modulus / np.where(sheet, ratio**3, np.where(rod, ratio**4, 1))
+    for key in _YIELD_NUMBERS:
+        numbers[key] /= np.where(sheet, ratio**2, np.where(rod, ratio**3, 1))
+    for key in _MODULUS_NUMBERS:
+        numbers[key] /= np.where(sheet, ratio**3, np.where(rod, ratio**4, 1))
     volume = continuum.volume_m3 * np.where(sheet, ratio, np.where(rod, ratio**2, 1))
     free_solid = (continuum.shape == SOLID) & ~still
     stoutness = _stoutness(continuum, frame, ~still, thin_density * volume)
@@ -192,6 +210,7 @@ def assemble_body(
         part=continuum.part,
         held=held,
         part_names=parts.names,
+        law_numbers=numbers,
     )
     thickening = _report(continuum, parts.names, ratio, density, modulus, thin_density, thin_modulus)
     return Assembly(
@@ -202,8 +221,16 @@ def assemble_body(
         yield_strain=yield_strain,
         thickening=thickening,
         capped=capped,
-        law_warnings=tuple(dict.fromkeys(warnings)),
     )
+
+
+def _yield_strain(material: Material) -> float:
+    """Strain beyond which the material does not come back, infinite where it is not known."""
+    if material.law in ("drucker_prager", "fluid"):
+        return 0.0
+    if material.law == "snow":
+        return min(material.extra["critical_compression"], material.extra["critical_stretch"])
+    return material.extra.get("yield_stress_pa", math.inf) / material.youngs_modulus_pa
 
 
 def _thickening(

@@ -10,22 +10,9 @@ from dataclasses import replace
 
 from phys4dgen.errors import MaterialError, did_you_mean
 from phys4dgen.materials.library import find_entry, material
-from phys4dgen.types import Material, MaterialBook, PartMaterials
+from phys4dgen.types import Material, MaterialBook, PartMaterials, wrong_number
 
-__all__ = ["RUNNABLE_LAWS", "assemble_book", "library_warnings", "parse_choices", "runnable_law"]
-
-RUNNABLE_LAWS = ("neo_hookean", "fixed_corotated")
-"""Constitutive laws that the engine has."""
-
-
-def runnable_law(material: Material) -> tuple[str, str | None]:
-    """The law that the engine runs for a material, and a warning where it is not the one asked for."""
-    if material.law in RUNNABLE_LAWS:
-        return material.law, None
-    return "neo_hookean", (
-        f"{material.name}: the law {material.law} is not built yet; it runs as neo_hookean, elastic and without yield"
-    )
-
+__all__ = ["assemble_book", "library_warnings", "parse_choices"]
 
 def library_warnings(chosen: Material) -> tuple[str, ...]:
     """Where the numbers of a material lie outside the range that the library gives for its name."""
@@ -69,7 +56,7 @@ def assemble_book(
     interior: Mapping[str, str] | None = None,
     thickness_m: Mapping[str, float] | None = None,
 ) -> MaterialBook:
-    """Decide the materials of every part; a law that the engine does not have adds a warning to its material.
+    """Decide the materials of every part.
 
     Args:
         part_names: all parts, in the order of their numbers.
@@ -80,7 +67,7 @@ def assemble_book(
         thickness_m: thickness of sheets and rods by part, from the user.
 
     Raises:
-        MaterialError: a part or a material does not exist.
+        MaterialError: a part or a material does not exist, or a law lacks a number.
     """
     from_file, surface, interior, thickness_m = from_file or {}, surface or {}, interior or {}, thickness_m or {}
     for source, names in (
@@ -108,18 +95,12 @@ def assemble_book(
                 surface=replace(chosen.surface, thickness_m=thickness_m[name]),
                 interior=replace(chosen.interior, thickness_m=thickness_m[name]),
             )
-        book[name] = PartMaterials(
-            surface=_with_law_warning(chosen.surface), interior=_with_law_warning(chosen.interior)
-        )
+        for side in (chosen.surface, chosen.interior):
+            wrong = wrong_number(side.law, side.extra, side.youngs_modulus_pa, side.poisson_ratio)
+            if wrong is not None:
+                raise MaterialError(f"part '{name}', material {side.name}: {wrong}.")
+        book[name] = chosen
     return MaterialBook(book)
-
-
-def _with_law_warning(chosen: Material) -> Material:
-    """The material, saying so where the engine runs another law."""
-    warning = runnable_law(chosen)[1]
-    if warning is None or warning in chosen.warnings:
-        return chosen
-    return replace(chosen, warnings=(*chosen.warnings, warning))
 
 
 def _users(name: str) -> Material:

@@ -6,19 +6,18 @@ from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from types import MappingProxyType
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from phys4dgen.errors import MaterialError, did_you_mean
-from phys4dgen.types import Material
+from phys4dgen.types import KNOWN_NUMBERS, LAW_NUMBERS, Material, wrong_number
 from phys4dgen.yaml12 import parse_yaml
 
 __all__ = ["KNOWN_LAWS", "LibraryEntry", "Quantity", "find_entry", "library_entries", "material"]
 
-Law = Literal["neo_hookean", "fixed_corotated", "von_mises", "drucker_prager", "snow", "viscoplastic", "fluid"]
-KNOWN_LAWS: tuple[str, ...] = get_args(Law)
-"""Laws that a material may ask for; ``runnable_law`` says which of them the engine has."""
+KNOWN_LAWS: tuple[str, ...] = tuple(LAW_NUMBERS)
+"""Laws that a material may ask for."""
 
 
 class _Frozen(BaseModel):
@@ -50,7 +49,7 @@ class LibraryEntry(_Frozen):
     name: str
     aliases: tuple[str, ...]
     kind: Annotated[str, Field(alias="class")]
-    law: Law
+    law: str
     density_kgm3: Quantity
     youngs_modulus_pa: Quantity
     poisson_ratio: Quantity
@@ -58,6 +57,19 @@ class LibraryEntry(_Frozen):
     extra: dict[str, Quantity] = Field(default_factory=dict)
     rigid_candidate: bool = False
     note: str = ""
+
+    @model_validator(mode="after")
+    def _has_its_numbers(self) -> LibraryEntry:
+        if self.law not in LAW_NUMBERS:
+            raise ValueError(f"law must be one of {', '.join(LAW_NUMBERS)}, got {self.law}")
+        unknown = set(self.extra) - KNOWN_NUMBERS
+        if unknown:
+            raise ValueError(f"unknown numbers {', '.join(sorted(unknown))}")
+        given = {key: quantity.value for key, quantity in self.extra.items()}
+        wrong = wrong_number(self.law, given, self.youngs_modulus_pa.value, self.poisson_ratio.value)
+        if wrong is not None:
+            raise ValueError(wrong)
+        return self
 
     @property
     def needs_review(self) -> bool:

@@ -1,8 +1,8 @@
 """materials.yaml: the material of every part as a file that a person can read, edit and run again from.
 
 Per part ``surface`` and ``interior``, each a mapping or just the name of a library material; ``interior`` may be left
-out where it is like the surface. Values left out come from the library. ``evidence``, ``range``, ``effective_law`` and
-``warnings`` are written for the reader; ``range`` and ``effective_law`` are worked out anew on reading.
+out where it is like the surface. Values left out come from the library. ``evidence``, ``range`` and ``warnings`` are
+written for the reader; ``range`` is worked out anew on reading. ``extra`` holds the numbers of the law.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any, NoReturn
 
 from phys4dgen.errors import FormatError, MaterialError, did_you_mean
 from phys4dgen.formats.atomic import atomic_path
-from phys4dgen.materials.book import library_warnings, runnable_law
+from phys4dgen.materials.book import library_warnings
 from phys4dgen.materials.library import KNOWN_LAWS, find_entry, library_entries
-from phys4dgen.types import Material, MaterialBook, PartMaterials
+from phys4dgen.types import KNOWN_NUMBERS, Material, MaterialBook, PartMaterials, wrong_number
 from phys4dgen.yaml12 import YamlDocument, YamlPath, format_yaml, read_yaml
 
 __all__ = ["read_materials", "write_materials"]
@@ -30,13 +30,13 @@ _RANGES = {
 """What physics allows at all; a named material has a narrower range in the library."""
 
 _REQUIRED = ("density_kgm3", "youngs_modulus_pa", "poisson_ratio")
-_KEYS = ("name", "law", *_RANGES, "extra", "source", "evidence", "range", "effective_law", "warnings")
+_KEYS = ("name", "law", *_RANGES, "extra", "source", "evidence", "range", "warnings")
 _SIDES = ("surface", "interior")
 
 _HEADER = """\
 # The material of every part. Edit and run again; an entry that you edit should say `source: user`.
-# SI units. law: {laws}.
-# range is the library's for the material's name; effective_law is what the engine runs. Both are for reading only.
+# SI units. law: {laws}; extra: the numbers of the law.
+# range is the library's for the material's name, for reading only.
 """
 
 
@@ -83,7 +83,6 @@ def _row(chosen: Material) -> dict[str, Any]:
     row: dict[str, Any] = {
         "name": chosen.name,
         "law": chosen.law,
-        "effective_law": runnable_law(chosen)[0],
         "density_kgm3": chosen.density_kgm3,
         "youngs_modulus_pa": chosen.youngs_modulus_pa,
         "poisson_ratio": chosen.poisson_ratio,
@@ -170,6 +169,9 @@ class _Reader:
             thickness_m=thickness_m,
             extra=self._extra(row["extra"], (*at, "extra")) if "extra" in row else dict(usual.extra) if usual else {},
         )
+        wrong = wrong_number(chosen.law, chosen.extra, chosen.youngs_modulus_pa, chosen.poisson_ratio)
+        if wrong is not None:
+            raise self._error((*at, "extra"), wrong)
         evidence = self._text(row, "evidence", at) if "evidence" in row else ""
         told = self._warnings(row.get("warnings", []), (*at, "warnings"))
         warnings = tuple(dict.fromkeys((*told, *library_warnings(chosen))))
@@ -197,8 +199,11 @@ class _Reader:
     def _extra(self, value: Any, at: YamlPath) -> dict[str, float]:
         extra: dict[str, float] = {}
         for key, number in self.mapping(value, at).items():
-            if isinstance(number, bool) or not isinstance(number, (int, float)) or not 0 <= number <= 1e15:
-                raise self._error((*at, key), f"expected {key} to be a number from 0 to 1e15, got {number!r:.60}")
+            if key not in KNOWN_NUMBERS:
+                hint = did_you_mean(str(key), KNOWN_NUMBERS) or f" Known: {', '.join(sorted(KNOWN_NUMBERS))}."
+                raise self._error((*at, key), f"'{key}' is not a number of any law", hint)
+            if isinstance(number, bool) or not isinstance(number, (int, float)) or not abs(number) <= 1e15:
+                raise self._error((*at, key), f"expected {key} to be a number up to 1e15, got {number!r:.60}")
             extra[str(key)] = float(number)
         return extra
 

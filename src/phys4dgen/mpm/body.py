@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.mpm.laws import LAWS, LawId
+from phys4dgen.mpm.laws import LAWS, Law, LawId, damped
+from phys4dgen.types import LAW_NUMBERS
 from phys4dgen.types.checks import checked_array
 
 __all__ = ["Body"]
@@ -32,6 +35,8 @@ class Body:
             shape [P]. A part in several pieces needs one number for each. Held particles ignore it.
         bonded_to_held: where held material is near at rest: True for particles that have grown together with it, as
             by default, and are clamped; False for those that only touch or hang beside it, shape [P], bool.
+        law_numbers: further numbers of the laws by name (``types.LAW_NUMBERS``), [P] each, of any value where the
+            particle's law does not use them; a number that has a default may be left out.
     """
 
     positions_m: NDArray[np.float64]
@@ -46,6 +51,7 @@ class Body:
     velocities_ms: NDArray[np.float64] | None = None
     rigid_group: NDArray[np.int32] | None = None
     bonded_to_held: NDArray[np.bool_] | None = None
+    law_numbers: Mapping[str, NDArray[np.float64]] | None = None
 
     def __post_init__(self) -> None:
         positions = checked_array(self.positions_m, "positions_m", (None, 3), np.float64)
@@ -78,6 +84,26 @@ class Body:
             raise ValueError(f"law: expected {known}; got {unknown}.")
         for name, value in checked.items():
             object.__setattr__(self, name, value)
+        object.__setattr__(self, "law_numbers", self._checked_numbers())
+
+    def _checked_numbers(self) -> Mapping[str, NDArray[np.float64]]:
+        """All numbers of the laws present, within their limits; NaN where a particle's law has none of that name."""
+        given = self.law_numbers or {}
+        numbers: dict[str, NDArray[np.float64]] = {}
+        for law_id in np.unique(self.law):
+            mine = self.law == law_id
+            for number in LAW_NUMBERS[LawId(law_id).name.lower()]:
+                where = f"law_numbers['{number.name}']"
+                if number.name not in given and number.default is None:
+                    raise ValueError(f"{where}: the law {LawId(law_id).name.lower()} needs it, shape [{len(self)}].")
+                values = np.full(len(self), number.default if number.name not in given else np.nan)
+                if number.name in given:
+                    values = checked_array(given[number.name], where, (len(self),), np.float64, finite=False)
+                if not ((values[mine] >= number.low) & (values[mine] <= number.high)).all():
+                    worst = values[mine][~((values[mine] >= number.low) & (values[mine] <= number.high))][0]
+                    raise ValueError(f"{where}: expected values in [{number.low:g}, {number.high:g}], got {worst:g}.")
+                numbers.setdefault(number.name, np.full(len(self), np.nan))[mine] = values[mine]
+        return MappingProxyType(numbers)
 
     def __len__(self) -> int:
         return len(self.positions_m)
@@ -111,10 +137,40 @@ class Body:
 
     @property
     def wave_speed_ms(self) -> NDArray[np.float64]:
-        """Speed of pressure waves c_p = sqrt((lam + 2 mu) / rho), shape [P]."""
+        """Speed of pressure waves at rest, c_p = sqrt((lam + 2 mu) / rho), shape [P]; a fluid's is no higher."""
         return np.sqrt((self.lame_lambda_pa + 2 * self.lame_mu_pa) / self.density_kgm3)
+
+    @property
+    def kinematic_viscosity_m2s(self) -> NDArray[np.float64]:
+        """Explicit viscosity eta / rho, which limits the time step, shape [P]."""
+        viscosity = np.zeros(len(self))
+        for law, members in self.by_law(np.arange(len(self))):
+            if "viscosity_pas" in law.parameters:
+                viscosity[members] = self.law_columns(law, members)[law.parameters.index("viscosity_pas")]
+        return viscosity / self.density_kgm3
+
+    def by_law(self, chosen: NDArray[np.int64]) -> list[tuple[Law, NDArray[np.int64]]]:
+        """The particles ``chosen`` of each law present, damped ones apart, in the order of the laws."""
+        assert self.law_numbers is not None
+        time_s = self.law_numbers.get("damping_time_s", np.zeros(len(self)))
+        is_damped = np.nan_to_num(time_s) > 0
+        found = []
+        for law_id in np.unique(self.law[chosen]):
+            law = LAWS[LawId(law_id)]
+            for kind in (False, True):
+                members = chosen[(self.law[chosen] == law_id) & (is_damped[chosen] == kind)]
+                if len(members):
+                    found.append((damped(law) if kind else law, members))
+        return found
+
+    def law_columns(self, law: Law, members: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Parameter columns of ``law`` for the particles ``members``, [parameters, M]."""
+        assert self.law_numbers is not None
+        material = {name: values[members] for name, values in self.law_numbers.items()}
+        for name in ("youngs_modulus_pa", "lame_mu_pa", "lame_lambda_pa"):
+            material[name] = getattr(self, name)[members]
+        return np.stack(law.prepare(material))
 
     def with_law(self, law: LawId) -> Body:
         """The same body with one law for all particles."""
-        values = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return Body(**{**values, "law": np.full(len(self), int(law), np.int32)})
+        return replace(self, law=np.full(len(self), int(law), np.int32))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.mpm.body import Body
-from phys4dgen.mpm.laws import LAWS, LawId
+from phys4dgen.mpm.state import Particles
 
 __all__ = ["angular_momentum_kgm2s", "elastic_energy_j", "kinetic_energy_j", "momentum_kgms", "rigid_motion"]
 
@@ -46,16 +46,12 @@ def kinetic_energy_j(
     return float(mass_kg @ (squared / 2 + dx_m**2 / 8 * affine))
 
 
-def elastic_energy_j(body: Body, moving: NDArray[np.int64], deformation_gradients: NDArray[Any]) -> float:
-    """Total stored energy in joules of the moving particles, F [M, 3, 3]; rigid ones store none."""
+def elastic_energy_j(body: Body, particles: Particles, deformation_gradients: NDArray[Any]) -> float:
+    """Total stored energy in joules of the moving particles, F [P, 3, 3] of all; rigid ones store none."""
     total = 0.0
-    for law_id in np.unique(body.law[moving]):
-        chosen = (body.law[moving] == law_id) & body.is_soft[moving]
-        p = moving[chosen]
-        density = LAWS[LawId(law_id)].energy_density_pa(
-            deformation_gradients[chosen].astype(np.float64), body.lame_mu_pa[p], body.lame_lambda_pa[p]
-        )
-        total += float(body.volume_m3[p] @ density)
+    for law, index, parameters, state in particles.soft_states():
+        density = law.energy_density_pa(deformation_gradients[index].astype(np.float64), parameters, state)
+        total += float(body.volume_m3[index] @ density)
     return total
 
 

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.mpm.body import Body
 from phys4dgen.mpm.kernels.layout import (
     AFFINE,
-    COLUMN_COUNT,
     DISPLACEMENT_GRADIENT,
     INDEX,
-    LAME_LAMBDA,
-    LAME_MU,
     LANES,
+    LAW_COLUMNS,
     MASS,
-    PART,
     POSITION,
     POSITION_REST,
     VELOCITY,
     VOLUME,
 )
-from phys4dgen.mpm.laws import LAWS, Law, LawId
+from phys4dgen.mpm.laws import NEO_HOOKEAN, Law
 
 __all__ = ["Particles"]
 
@@ -29,15 +28,15 @@ __all__ = ["Particles"]
 class Particles:
     """Columns of the particles that move: soft ones ordered by law, then rigid ones, each law padded to full batches.
 
-    Padding are massless copies. Rigid particles have Lame parameters of zero, so that any law gives them no stress.
+    Padding are massless copies. Rigid particles are Neo-Hookean with Lame parameters of zero: without stress.
 
     Attributes:
-        laws: the law of each range.
+        laws: the law of each range; of soft and rigid particles apart.
         ranges: first and one past last column place of each law in each chunk, int64 [laws, chunks, 2].
         soft_ranges: how many ranges are soft; rigid ones follow.
         moving: numbers of the moving particles in the body, int64 [M].
         mass_unit_kg: mean mass of the moving particles.
-        columns: see ``kernels.layout``, float32 [COLUMN_COUNT, stride].
+        columns: see ``kernels.layout``, float32 [columns, stride].
         spare: as ``columns``; a segment reads one and writes the other.
     """
 
@@ -49,13 +48,12 @@ class Particles:
         self.soft_ranges = 0
         for is_rigid in (False, True):
             chosen = self.moving[body.is_rigid[self.moving] == is_rigid]
-            for law_id in np.unique(body.law[chosen]):
-                members = chosen[body.law[chosen] == law_id]
+            for law, members in [(NEO_HOOKEAN, chosen)] if is_rigid and len(chosen) else body.by_law(chosen):
                 batches = -(-len(members) // LANES)
                 padded = np.concatenate([members, np.full(batches * LANES - len(members), members[-1])])
                 bounds = start + LANES * np.linspace(0, batches, chunks + 1).round().astype(np.int64)
                 ranges.append(np.stack([bounds[:-1], bounds[1:]], 1))
-                laws.append(LAWS[LawId(law_id)])
+                laws.append(law)
                 places.append(np.stack([padded, np.arange(len(padded)) < len(members)], 1))
                 start += len(padded)
                 self.soft_ranges += not is_rigid
@@ -67,16 +65,16 @@ class Particles:
 
     def _fill(self, body: Body, index: NDArray[np.int64], real: NDArray[np.bool_]) -> NDArray[np.float32]:
         assert body.velocities_ms is not None
-        columns = np.zeros((COLUMN_COUNT, len(index)), np.float32)
+        columns = np.zeros((LAW_COLUMNS + max(law.column_count for law in self.laws), len(index)), np.float32)
         position = (body.positions_m[index] - self._origin_m).T
         columns[POSITION : POSITION + 3] = position
         columns[POSITION_REST : POSITION_REST + 3] = position - columns[POSITION : POSITION + 3]
         columns[MASS] = np.where(real, body.mass_kg[index] / self.mass_unit_kg, 0)
         columns[VOLUME] = np.where(real, body.volume_m3[index] / self.mass_unit_kg, 0)
-        columns[LAME_MU] = np.where(body.is_rigid[index], 0, body.lame_mu_pa[index])
-        columns[LAME_LAMBDA] = np.where(body.is_rigid[index], 0, body.lame_lambda_pa[index])
+        for law, places in zip(self.laws[: self.soft_ranges], self._places(), strict=False):
+            parameters = slice(LAW_COLUMNS, LAW_COLUMNS + len(law.parameters))
+            columns[parameters, places] = body.law_columns(law, index[places])
         columns[VELOCITY : VELOCITY + 3] = body.velocities_ms[index].T
-        columns[PART] = body.part[index]
         columns[INDEX] = np.where(real, index, ~index).astype(np.int32).view(np.float32)
         return columns
 
@@ -84,6 +82,29 @@ class Particles:
     def body_index(self) -> NDArray[np.int32]:
         """Number in the body of the particle at each place; of padding, its bitwise complement, which is negative."""
         return self.columns[INDEX].view(np.int32)
+
+    @property
+    def numbers(self) -> NDArray[np.int64]:
+        """Number in the body of the particle at each place, padding as what it copies."""
+        index = self.body_index.astype(np.int64)
+        return np.where(index < 0, ~index, index)
+
+    def _places(self) -> list[slice]:
+        """Where each law's particles stand, padding too."""
+        return [slice(int(of_law[0, 0]), int(of_law[-1, 1])) for of_law in self.ranges]
+
+    def soft_states(
+        self, *, stiffening_only: bool = False
+    ) -> Iterator[tuple[Law, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]]:
+        """Law, numbers in the body, parameter columns [m, n] and state columns [k, n] of soft particles, law by law."""
+        index = self.body_index
+        for law, places in list(zip(self.laws, self._places(), strict=True))[: self.soft_ranges]:
+            if stiffening_only and law.stiffening is None:
+                continue
+            real = np.arange(places.start, places.stop)[index[places] >= 0]
+            columns = self.columns[LAW_COLUMNS:, real].astype(np.float64)
+            count = len(law.parameters)
+            yield law, index[real].astype(np.int64), columns[:count], columns[count : count + len(law.state)]
 
     def read(self, first: int, count: int) -> NDArray[np.float32]:
         """Columns ``first`` to ``first + count`` of the moving particles in the body's order, [M, count]."""
@@ -101,7 +122,7 @@ class Particles:
         return self.read(VELOCITY, 3)
 
     def deformation_gradients(self) -> NDArray[np.float32]:
-        """F of the moving particles, [M, 3, 3]."""
+        """F of the moving particles as their laws carry it (``Gradient``), [M, 3, 3]."""
         return self.read(DISPLACEMENT_GRADIENT, 9).reshape(-1, 3, 3) + np.eye(3, dtype=np.float32)
 
     def affine_per_s(self) -> NDArray[np.float32]:

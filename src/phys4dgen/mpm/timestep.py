@@ -2,7 +2,8 @@
 
 Courant-Friedrichs-Lewy condition of the stiffest soft particle (rigid ones carry no waves): dt = C dx / (c_p + |v|),
 c_p = sqrt((lam + 2 mu) / rho); substeps = ceil(frame time / dt). Quadratic-spline MLS-MPM was measured to be stable
-up to C of about 0.8 (nu 0.45) to 1.1 (nu 0); the default 0.4 leaves room for stiffening in compression.
+up to C of about 0.8 (nu 0.45) to 1.1 (nu 0); the default 0.4 leaves room for stiffening in compression. Laws that
+stiffen much (snow, fluid) say so, and c_p follows at every sort. Explicit viscosity adds dt <= rho dx^2 / (6 eta).
 Paper: Sec. C.3 uses a fixed dt.
 """
 
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from phys4dgen.mpm.body import Body
-from phys4dgen.mpm.forces import peak_acceleration_ms2
+from phys4dgen.mpm.forces import planned_speed_gain_ms
 from phys4dgen.mpm.settings import Settings
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
 FEWEST_SUBSTEPS = 2
 _LONGEST_RIGID_CONTACT_DT_S = 1e-3  # rocking and rolling on the ground die too soon with longer substeps
 _LONGEST_SORT_INTERVAL = 50
+_VISCOUS_LIMIT = 6.0  # dt <= dx^2 rho / (6 eta): explicit diffusion in three dimensions
 _CELLS_BETWEEN_SORTS = 0.3
 
 
@@ -75,12 +77,30 @@ class StiffPart:
         )
 
 
-def substeps_for(wave_speed_ms: float, speed_ms: float, settings: Settings, *, rigid_contact: bool = False) -> int:
-    """Substeps per frame for the fastest pressure wave and the fastest particle, and for rigid parts on the ground."""
+def substeps_for(
+    wave_speed_ms: float,
+    speed_ms: float,
+    settings: Settings,
+    *,
+    viscosity_m2s: float = 0.0,
+    rigid_contact: bool = False,
+    time_s: float | None = None,
+) -> int:
+    """Substeps per frame for the fastest pressure wave, the fastest particle, and for rigid parts on the ground.
+
+    Args:
+        wave_speed_ms: c_p.
+        speed_ms: of the fastest particle.
+        settings: cell, frame time, C.
+        viscosity_m2s: largest kinematic viscosity.
+        rigid_contact: rigid parts meet the ground.
+        time_s: what is to be divided, by default the frame.
+    """
     dt_s = settings.cfl * settings.dx_m / max(wave_speed_ms + speed_ms, 1e-30)
+    dt_s = min(dt_s, settings.dx_m**2 / max(_VISCOUS_LIMIT * viscosity_m2s, 1e-30))
     if rigid_contact:
         dt_s = min(dt_s, _LONGEST_RIGID_CONTACT_DT_S)
-    return max(FEWEST_SUBSTEPS, math.ceil(min(settings.frame_time_s / dt_s, 2.0**52)))
+    return max(FEWEST_SUBSTEPS, math.ceil(min((settings.frame_time_s if time_s is None else time_s) / dt_s, 2.0**52)))
 
 
 def sort_interval(substeps: int, dt_s: float, speed_ms: float, dx_m: float) -> int:
@@ -103,17 +123,20 @@ def expected_speed_ms(body: Body, settings: Settings) -> float:
     moving = ~body.held
     assert body.velocities_ms is not None
     initial = float(np.linalg.norm(body.velocities_ms[moving], axis=1).max(initial=0.0))
-    return initial + peak_acceleration_ms2(settings, 0.0, settings.frame_time_s) * settings.frame_time_s
+    return initial + planned_speed_gain_ms(body, settings)
 
 
 def stiff_parts(body: Body, settings: Settings) -> list[StiffPart]:
     """The parts that need more than ``max_substeps_per_frame``, stiffest first."""
     speed = expected_speed_ms(body, settings)
+    wave_speed, viscosity = body.wave_speed_ms, body.kinematic_viscosity_m2s
     found = []
     for part in np.unique(body.part[body.is_soft]):
         members = np.flatnonzero((body.part == part) & body.is_soft)
-        fastest = members[np.argmax(body.wave_speed_ms[members])]
-        needed = substeps_for(float(body.wave_speed_ms[fastest]), speed, settings)
+        fastest = members[np.argmax(wave_speed[members])]
+        needed = substeps_for(
+            float(wave_speed[fastest]), speed, settings, viscosity_m2s=float(viscosity[members].max())
+        )
         if needed > settings.max_substeps_per_frame:
             affordable = affordable_modulus_pa(
                 float(body.density_kgm3[fastest]), float(body.poisson_ratio[fastest]), settings, speed

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from phys4dgen.materials import read_materials
-from phys4dgen.materials.book import library_warnings, runnable_law
+from phys4dgen.materials.book import library_warnings
 from phys4dgen.materials.library import find_entry
 from phys4dgen.types import Material, MaterialBook, PartMaterials
 
@@ -61,9 +61,7 @@ def with_edits(book: MaterialBook, edits: Mapping[tuple[str, str], Material]) ->
 
 def _users(material: Material) -> Material:
     """The same as the user's own, with the warnings that its numbers earn and no others."""
-    law_warning = runnable_law(material)[1]
-    warnings = (*library_warnings(material), *([law_warning] if law_warning else []))
-    return replace(material, source="user", warnings=warnings)
+    return replace(material, source="user", warnings=library_warnings(material))
 
 
 def _as_edited(material: Material) -> dict[str, object]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from phys4dgen.materials.library import LibraryEntry, Quantity, find_entry
 from phys4dgen.materials.mllm.consensus import Origin, PartConsensus, SideConsensus
-from phys4dgen.types import Material, PartMaterials
+from phys4dgen.types import Material, PartMaterials, wrong_number
 
 __all__ = ["MAX_DISAGREEMENT_DECADES", "MAX_SPREAD_DECADES", "Checked", "check_part"]
 
@@ -125,12 +125,17 @@ def _against_library(agreed: SideConsensus, thickness_m: float | None, *, model:
     law = agreed.law or (usual.law if usual else "neo_hookean")
     if usual is not None and law != usual.law and not trust:
         law = usual.law
+    extra = _extra(law, agreed.extra, entry, warnings, trust=trust)
+    wrong = wrong_number(law, extra, values["youngs_modulus_pa"], values["poisson_ratio"])
+    if wrong is not None:
+        warnings.append(f"{wrong}; it is simulated as elastic")
+        law = "neo_hookean"
     return Material(
         name=agreed.material,
         law=law,
         source=f"mllm:{model}",
         thickness_m=_thickness(thickness_m, entry, trust=trust),
-        extra=_extra(law, agreed.extra, entry, warnings, trust=trust),
+        extra=extra,
         evidence=agreed.in_words,
         warnings=tuple(warnings),
         **values,

@@ -14,7 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from phys4dgen.materials.library import KNOWN_LAWS, LibraryEntry, find_entry
+from phys4dgen.materials.library import LibraryEntry, find_entry
+from phys4dgen.materials.mllm.schema import ASKED_LAWS
 from phys4dgen.materials.mllm.text import harmless, material_word
 
 __all__ = ["MAX_ANSWER_CHARS", "PartReading", "Reading", "SideReading", "UnreadableAnswerError", "read_answer"]
@@ -226,7 +227,7 @@ def _side(row: Any, where: str, notes: list[str]) -> SideReading:
     return SideReading(
         said=said,
         material=said if entry is None else entry.name,
-        law=law if law in KNOWN_LAWS else None,
+        law=law if law in ASKED_LAWS else None,
         extra=extra,
         **values,
     )

@@ -6,16 +6,14 @@ bounds, and servers may ignore the schema altogether, so every number is judged 
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict
-
-from phys4dgen.materials.library import KNOWN_LAWS
 
 __all__ = ["ASKED_LAWS", "Answer", "PartAnswer", "Range", "Side", "json_schema"]
 
 Law = Literal["neo_hookean", "fixed_corotated", "von_mises", "drucker_prager", "snow", "viscoplastic", "fluid"]
-ASKED_LAWS = KNOWN_LAWS
+ASKED_LAWS: tuple[str, ...] = get_args(Law)
 
 
 class _Strict(BaseModel):

@@ -38,7 +38,7 @@ _ARGUMENTS = (
 
 def address_of_pass(law: Law) -> int:
     """Address of ``particle_pass`` for a law; compiled or taken from Numba's cache at the first call."""
-    signature = types.none(LawType(law.law_id.name), *_ARGUMENTS)
+    signature = types.none(LawType(law.name), *_ARGUMENTS)
     particle_pass.compile(signature)
     compiled = particle_pass.overloads[signature.args]
     return compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)

@@ -1,6 +1,6 @@
 """How the kernels see particles and grid in memory.
 
-Particles are float32 columns of one array [COLUMN_COUNT, stride]; a particle's number is its place along the second
+Particles are float32 columns of one array [columns, stride]; a particle's number is its place along the second
 axis. They are ordered by law, then by grid cell, and each law's range is padded with massless particles to a multiple
 of ``LANES``.
 
@@ -16,17 +16,14 @@ import numba
 
 __all__ = [
     "AFFINE",
-    "COLUMN_COUNT",
     "DISPLACEMENT_GRADIENT",
     "FUSED",
     "GATHER_ONLY",
-    "GRADIENT_REST",
     "INDEX",
-    "LAME_LAMBDA",
-    "LAME_MU",
     "LANES",
+    "LAW_COLUMNS",
+    "LOAD",
     "MASS",
-    "PART",
     "POSITION",
     "POSITION_REST",
     "SCATTER_ONLY",
@@ -44,15 +41,12 @@ POSITION = 0  # 3 columns, m
 DISPLACEMENT_GRADIENT = 3  # 9 columns, H = F - I row by row: increments of F near 1 would be rounded away
 MASS = 12  # mean particle masses
 VOLUME = 13  # rest volume, m3 per mean particle mass in kg
-LAME_MU = 14  # Pa
-LAME_LAMBDA = 15  # Pa
-VELOCITY = 16  # 3 columns, m/s; valid between segments only
-AFFINE = 19  # 9 columns, APIC matrix C row by row, 1/s; valid between segments only
-PART = 28  # part number
-INDEX = 29  # number n of the particle in the body, as int32 bits; ~n for padding that copies it
-POSITION_REST = 30  # 3 columns, m: what rounding took from POSITION, to be given back
-GRADIENT_REST = 33  # 9 columns: what rounding took from H; with thousands of substeps a frame, slow motion is all rest
-COLUMN_COUNT = 42
+VELOCITY = 14  # 3 columns, m/s; valid between segments only
+AFFINE = 17  # 9 columns, APIC matrix C row by row, 1/s; valid between segments only
+LOAD = 26  # row of the kicks: which loads act on the particle
+INDEX = 27  # number n of the particle in the body, as int32 bits; ~n for padding that copies it
+POSITION_REST = 28  # 3 columns, m: what rounding took from POSITION, to be given back
+LAW_COLUMNS = 31  # from here on each law has its own: its parameters, then its state (``Law.column_count``)
 
 SCATTER_ONLY, FUSED, GATHER_ONLY = 0, 1, 2
 """What a particle pass does: begin a segment, a substep in its middle, or end it."""

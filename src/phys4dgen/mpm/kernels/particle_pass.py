@@ -17,17 +17,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from phys4dgen.mpm.kernels.law_columns import advance_gradient, stress
 from phys4dgen.mpm.kernels.layout import (
     AFFINE,
     DISPLACEMENT_GRADIENT,
     FUSED,
     GATHER_ONLY,
-    GRADIENT_REST,
-    LAME_LAMBDA,
-    LAME_MU,
     LANES,
+    LOAD,
     MASS,
-    PART,
     POSITION,
     POSITION_REST,
     SCATTER_ONLY,
@@ -35,12 +33,10 @@ from phys4dgen.mpm.kernels.layout import (
     VOLUME,
     kernel,
 )
-from phys4dgen.mpm.laws.law import respond
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
 from phys4dgen.vector.lanes import add_compensated, constant16, floor, like, maximum, minimum, splat16, to_int
 from phys4dgen.vector.math import inline
-from phys4dgen.vector.matrix import matmul
-from phys4dgen.vector.memory import load16, load32, store
+from phys4dgen.vector.memory import load16, load32, load_columns32, store, store_columns
 from phys4dgen.vector.shuffles import (
     group_sums,
     load_group_each,
@@ -56,47 +52,13 @@ _z_offset = constant16([-1] * 4 + [0] * 4 + [1] * 4 + [0] * 4)
 
 
 @inline
-def _load3(particles, at, stride):
-    return load32(particles, at), load32(particles, at + stride), load32(particles, at + 2 * stride)
-
-
-@inline
-def _load9(particles, at, stride):
-    a, b, c = _load3(particles, at, stride)
-    d, e, f = _load3(particles, at + 3 * stride, stride)
-    g, h, i = _load3(particles, at + 6 * stride, stride)
-    return a, b, c, d, e, f, g, h, i
-
-
-@inline
-def _store3(particles, at, stride, values):
-    store(particles, at, values[0])
-    store(particles, at + stride, values[1])
-    store(particles, at + 2 * stride, values[2])
-
-
-@inline
-def _store9(particles, at, stride, values):
-    _store3(particles, at, stride, values[0:3])
-    _store3(particles, at + 3 * stride, stride, values[3:6])
-    _store3(particles, at + 6 * stride, stride, values[6:9])
-
-
-@inline
-def _add9(a, b):
-    a0, a1, a2, a3, a4, a5, a6, a7, a8 = a
-    b0, b1, b2, b3, b4, b5, b6, b7, b8 = b
-    return a0 + b0, a1 + b1, a2 + b2, a3 + b3, a4 + b4, a5 + b5, a6 + b6, a7 + b7, a8 + b8
-
-
-@inline
 def _advance3(particles, at, rest_at, stride, values, steps):
     """Add steps to values with compensated rounding; stores both columns and returns the new values."""
     a, a_rest = add_compensated(values[0], load32(particles, rest_at), steps[0])
     b, b_rest = add_compensated(values[1], load32(particles, rest_at + stride), steps[1])
     c, c_rest = add_compensated(values[2], load32(particles, rest_at + 2 * stride), steps[2])
-    _store3(particles, at, stride, (a, b, c))
-    _store3(particles, rest_at, stride, (a_rest, b_rest, c_rest))
+    store_columns(particles, at, stride, (a, b, c))
+    store_columns(particles, rest_at, stride, (a_rest, b_rest, c_rest))
     return a, b, c
 
 
@@ -190,13 +152,14 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
         bounds: lowest and highest permitted lowest node of a particle along x, y, z, six int.
         inverse_dx: cells per metre, float32.
         dt: substep in seconds, float32.
-        kicks: velocity that each part gains from accelerations in the coming substep, m/s, [parts, 3]; [0, 3] if none.
+        kicks: what loads do to a particle's velocity v in the coming substep, by its LOAD: v <- v + k - beta v,
+            (k, beta) in m/s and as a share, [rows, 4]; [0, 4] if none.
     """
     state = begin_flush_to_zero()
     weights = np.empty(LANES * 16, np.float32)
     rows = np.empty(LANES * 16, np.float32)
     nodes = np.empty(LANES, np.int32)
-    kick = np.empty(LANES * 3, np.float32)
+    kick = np.empty(LANES * 4, np.float32)
     ny, nz = grid[3], grid[4]
     sy = nz * 4
     sx = ny * sy
@@ -206,16 +169,18 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
     pending = -1  # cell whose momentum is being accumulated
     a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = zero
     for batch in range(first, last, LANES):
-        position = _load3(particles, POSITION * stride + batch, stride)
-        h = _load9(particles, DISPLACEMENT_GRADIENT * stride + batch, stride)
+        position = load_columns32(particles, POSITION * stride + batch, stride, 3)
+        h = load_columns32(particles, DISPLACEMENT_GRADIENT * stride + batch, stride, 9)
         fx, fy, fz = _prepare_weights(position, shift, bounds, inverse_dx, weights, nodes)
+        k = _f(4) * inverse_dx
         if stage == SCATTER_ONLY:
-            v0, v1, v2 = _load3(particles, VELOCITY * stride + batch, stride)
-            c00, c01, c02, c10, c11, c12, c20, c21, c22 = _load9(particles, AFFINE * stride + batch, stride)
-            k = _f(0.25) / inverse_dx
-            b00, b01, b02 = k * c00, k * c01, k * c02
-            b10, b11, b12 = k * c10, k * c11, k * c12
-            b20, b21, b22 = k * c20, k * c21, k * c22
+            v0, v1, v2 = load_columns32(particles, VELOCITY * stride + batch, stride, 3)
+            c00, c01, c02, c10, c11, c12, c20, c21, c22 = load_columns32(particles, AFFINE * stride + batch, stride, 9)
+            inverse = _f(1) / k
+            b00, b01, b02 = inverse * c00, inverse * c01, inverse * c02
+            b10, b11, b12 = inverse * c10, inverse * c11, inverse * c12
+            b20, b21, b22 = inverse * c20, inverse * c21, inverse * c22
+            law_dt = _f(0)  # the state is that of this moment
         else:
             _gather(velocity, weights, nodes, rows, sx, sy)
             v0, v1, v2, _0, b00, b10, b20, _1, b01, b11, b21, _2, b02, b12, b22, _3 = load_transposed32(rows, 0)
@@ -225,38 +190,31 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
             at = POSITION * stride + batch
             rest_at = POSITION_REST * stride + batch
             position = _advance3(particles, at, rest_at, stride, position, (v0 * dt, v1 * dt, v2 * dt))
-            k = _f(4) * inverse_dx
             if stage == GATHER_ONLY:
-                _store3(particles, VELOCITY * stride + batch, stride, (v0, v1, v2))
+                store_columns(particles, VELOCITY * stride + batch, stride, (v0, v1, v2))
                 c = (k * b00, k * b01, k * b02, k * b10, k * b11, k * b12, k * b20, k * b21, k * b22)
-                _store9(particles, AFFINE * stride + batch, stride, c)
-            k = k * dt  # F <- (I + dt C) F, so H <- H + dt C (I + H)
-            g = (k * b00, k * b01, k * b02, k * b10, k * b11, k * b12, k * b20, k * b21, k * b22)
-            step = _add9(g, matmul(g, h))
-            at = DISPLACEMENT_GRADIENT * stride + batch
-            rest_at = GRADIENT_REST * stride + batch
-            row0 = _advance3(particles, at, rest_at, stride, h[0:3], step[0:3])
-            row1 = _advance3(particles, at + 3 * stride, rest_at + 3 * stride, stride, h[3:6], step[3:6])
-            row2 = _advance3(particles, at + 6 * stride, rest_at + 6 * stride, stride, h[6:9], step[6:9])
-            h = row0 + row1 + row2
-        mu = load32(particles, LAME_MU * stride + batch)
-        lam = load32(particles, LAME_LAMBDA * stride + batch)
-        h, tau = respond(law, h, mu, lam)
-        if stage != SCATTER_ONLY:
-            _store9(particles, DISPLACEMENT_GRADIENT * stride + batch, stride, h)
+                store_columns(particles, AFFINE * stride + batch, stride, c)
+            f = k * dt
+            g = (f * b00, f * b01, f * b02, f * b10, f * b11, f * b12, f * b20, f * b21, f * b22)
+            h = advance_gradient(law, particles, batch, stride, h, g)
+            law_dt = dt
+        c = (k * b00, k * b01, k * b02, k * b10, k * b11, k * b12, k * b20, k * b21, k * b22)
+        tau = stress(law, particles, batch, stride, h, c, law_dt)
         if stage == GATHER_ONLY:
             continue
         if stage == FUSED:
             fx, fy, fz = _prepare_weights(position, shift, bounds, inverse_dx, weights, nodes)
         if kicks.shape[0] > 0:
             for lane in range(LANES):
-                part = int(particles[PART * stride + batch + lane])
-                kick[lane] = kicks[part, 0]
-                kick[LANES + lane] = kicks[part, 1]
-                kick[2 * LANES + lane] = kicks[part, 2]
-            v0 = v0 + load32(kick, 0)
-            v1 = v1 + load32(kick, LANES)
-            v2 = v2 + load32(kick, 2 * LANES)
+                row = int(particles[LOAD * stride + batch + lane])
+                kick[lane] = kicks[row, 0]
+                kick[LANES + lane] = kicks[row, 1]
+                kick[2 * LANES + lane] = kicks[row, 2]
+                kick[3 * LANES + lane] = kicks[row, 3]
+            beta = load32(kick, 3 * LANES)
+            v0 = v0 + load32(kick, 0) - beta * v0
+            v1 = v1 + load32(kick, LANES) - beta * v1
+            v2 = v2 + load32(kick, 2 * LANES) - beta * v2
         mass = load32(particles, MASS * stride + batch)
         m4 = _f(4) * mass
         q = load32(particles, VOLUME * stride + batch) * (_f(-4) * inverse_dx * dt)

@@ -19,7 +19,7 @@ def inspect_particles(particles, previous, inverse_dx, cells, extent):
     """Find each particle's lowest node in world cells; check that all are finite and that none ran too far.
 
     Args:
-        particles: columns of ``layout``, float32 [COLUMN_COUNT, stride].
+        particles: columns of ``layout``, float32 [columns, stride].
         previous: lowest nodes at the last call, int32 [3, stride], or NEVER_SEEN.
         inverse_dx: cells per metre, float32.
         cells: result, lowest node of each particle, int32 [3, stride].

@@ -14,7 +14,8 @@ Energy per rest volume and Kirchhoff stress, in the principal axes of b = F F^T:
 | mu, lam | Lame parameters                                     | Pa   |
 | tau_i   | principal Kirchhoff stresses                        | Pa   |
 
-No singular value decomposition is needed: the law is isotropic, so tau shares the eigenvectors of b.
+No singular value decomposition is needed: the law is isotropic, so tau shares the eigenvectors of b. Stretches count as
+0.05 to 20.
 
 Source: A. Stomakhin et al., *Energetically consistent invertible elasticity*, SCA 2012, eq. 5-6. Paper: Sec. C.2.
 """
@@ -26,43 +27,62 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phys4dgen.mpm.laws.elastic_strain import of_gradient, principal_strains, strains_of_gradient
 from phys4dgen.mpm.laws.law import Law, LawId, register
-from phys4dgen.vector.lanes import like, maximum, sqrt
+from phys4dgen.vector.lanes import sqrt
 from phys4dgen.vector.math import inline
-from phys4dgen.vector.matrix import identity_plus, left_cauchy_green, symmetric_eigen, symmetric_from_eigen
+from phys4dgen.vector.matrix import symmetric_from_eigen
 
-__all__ = ["FIXED_COROTATED", "energy_density_pa", "response"]
+__all__ = ["FIXED_COROTATED", "corotated_energy_pa", "corotated_stress", "energy_density_pa", "response"]
 
-_SMALLEST_SQUARE = np.float32(1e-8)  # singular values below 1e-4 count as 1e-4
-_SWEEPS = 4
 _1 = np.float32(1)
 
 
 @inline
-def response(h, mu, lam):
-    """(H, tau) for nine lanes of H = F - I; mu and lam in Pa."""
-    values, axes = symmetric_eigen(left_cauchy_green(identity_plus(h)), _SWEEPS)
-    least = like(mu, _SMALLEST_SQUARE)
-    s0 = sqrt(maximum(values[0], least))
-    s1 = sqrt(maximum(values[1], least))
-    s2 = sqrt(maximum(values[2], least))
-    j = s0 * s1 * s2
-    volumetric = lam * j * (j - _1)
+def corotated_stress(strains, axes, mu, lam):
+    """Kirchhoff stress, six lanes, of the principal values E_i of b - I and their axes, nine lanes."""
+    e0, e1, e2 = strains
+    s0, s1, s2 = sqrt(_1 + e0), sqrt(_1 + e1), sqrt(_1 + e2)
+    d0, d1, d2 = e0 / (_1 + s0), e1 / (_1 + s1), e2 / (_1 + s2)  # s_i - 1 with all its digits
+    growth = d0 + d1 + d2 + d0 * d1 + d0 * d2 + d1 * d2 + d0 * d1 * d2  # J - 1
+    volumetric = lam * (_1 + growth) * growth
     double_mu = mu + mu
     principal = (
-        double_mu * (s0 - _1) * s0 + volumetric,
-        double_mu * (s1 - _1) * s1 + volumetric,
-        double_mu * (s2 - _1) * s2 + volumetric,
+        double_mu * d0 * s0 + volumetric,
+        double_mu * d1 * s1 + volumetric,
+        double_mu * d2 * s2 + volumetric,
     )
-    return h, symmetric_from_eigen(principal, axes)
+    return symmetric_from_eigen(principal, axes)
 
 
-def energy_density_pa(F: NDArray[Any], mu: NDArray[np.float64], lam: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Stored energy per rest volume [P] in J/m3, of F [P, 3, 3]; mu, lam [P] in Pa."""
-    F = np.asarray(F, np.float64)
-    squares = np.linalg.eigvalsh(F @ np.swapaxes(F, -1, -2))
-    s = np.sqrt(np.maximum(squares, float(_SMALLEST_SQUARE)))
+@inline
+def response(h, c, dt, parameters, state):
+    """(tau, state); see ``Law.response``. Parameters mu, lam; no state."""
+    mu, lam = parameters
+    strains, axes = principal_strains(of_gradient(h))
+    return corotated_stress(strains, axes, mu, lam), state
+
+
+def corotated_energy_pa(strains: NDArray[Any], mu: NDArray[Any], lam: NDArray[Any]) -> NDArray[np.float64]:
+    """Psi of the principal values of b - I, [P, 3], J/m3, [P]."""
+    s = np.sqrt(1 + strains)
     return mu * ((s - 1) ** 2).sum(-1) + lam / 2 * (s.prod(-1) - 1) ** 2
 
 
-FIXED_COROTATED = register(Law(LawId.FIXED_COROTATED, response, energy_density_pa))
+def energy_density_pa(
+    F: NDArray[Any], parameters: NDArray[np.float64], state: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Stored energy per rest volume [P] in J/m3; see ``Law.energy_density_pa``."""
+    mu, lam = parameters
+    return corotated_energy_pa(strains_of_gradient(F), mu, lam)
+
+
+FIXED_COROTATED = register(
+    Law(
+        LawId.FIXED_COROTATED,
+        ("lame_mu_pa", "lame_lambda_pa"),
+        lambda material: (material["lame_mu_pa"], material["lame_lambda_pa"]),
+        response,
+        energy_density_pa,
+    )
+)

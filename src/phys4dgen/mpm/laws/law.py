@@ -1,14 +1,15 @@
 """What a constitutive law is to the engine, and the one call through which kernels reach it.
 
 A law is a Numba *type*: a kernel that takes a law is compiled once for each law that a scene contains, without a
-branch inside its loop, and cached on disk like any other compiled function.
+branch inside its loop, and cached on disk like any other compiled function. Its parameters and its state are particle
+columns that only its own particles use, so a law pays for no other law's numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,10 @@ from numba.core import types
 from numba.extending import NativeValue, models, overload, register_model, typeof_impl, unbox
 from numpy.typing import NDArray
 
-__all__ = ["LAWS", "Law", "LawId", "register", "respond"]
+__all__ = ["INLINE", "LAWS", "Gradient", "Law", "LawId", "LawType", "law_named", "register", "respond"]
+
+INLINE: dict[str, Any] = {"forceinline": True, "fastmath": True, "error_model": "numpy"}
+"""Options of overloads that are inlined into a kernel."""
 
 
 class LawId(IntEnum):
@@ -24,9 +28,27 @@ class LawId(IntEnum):
 
     NEO_HOOKEAN = 0
     FIXED_COROTATED = 1
+    STVK_HENCKY = 2
+    VON_MISES = 3
+    DRUCKER_PRAGER = 4
+    SNOW = 5
+    VISCOPLASTIC = 6
+    HERSCHEL_BULKLEY = 7
+    FLUID = 8
 
 
-EnergyDensity = Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+class Gradient(Enum):
+    """How far the engine carries the deformation gradient of a law's particles."""
+
+    ELASTIC = "elastic"
+    """F is elastic and gives the stress: it is summed with compensated rounding, in nine more state columns."""
+    TOTAL = "total"
+    """F is elastic and plastic and moves Gaussians; the stress comes from the law's own state."""
+    ROTATION = "rotation"
+    """Only a rotation: what flows without end has no total F worth keeping."""
+
+
+Columns = tuple[NDArray[np.float64], ...]
 
 
 @dataclass(frozen=True)
@@ -35,25 +57,60 @@ class Law:
 
     Attributes:
         law_id: its name in the public interface.
-        response: inlined vector function (H, mu, lam) -> (H, tau): nine lanes of displacement gradient H = F - I, Lame
-            parameters in Pa; returns H after plastic flow (unchanged in elastic laws) and six lanes of Kirchhoff stress
-            in Pa. H and not F, because a small strain beside the 1 of F would lose its digits.
-        energy_density_pa: NumPy function (F [P, 3, 3], mu [P], lam [P]) -> stored energy per rest volume, J/m3, [P].
+        parameters: names of the parameter columns that the kernel reads.
+        prepare: those columns, [P] each, from material numbers by name: "youngs_modulus_pa", "lame_mu_pa",
+            "lame_lambda_pa" and the law's own of ``types.laws``.
+        response: inlined vector function (h, c, dt, parameters, state) -> (tau, state). h: nine lanes of displacement
+            gradient H = F - I after the substep (H and not F, because a small strain beside the 1 of F would lose its
+            digits); c: nine lanes of velocity gradient C in 1/s; dt: the substep in s by which ``state`` is to be
+            advanced, 0 where only the stress of this state is asked for; tau: six lanes of Kirchhoff stress in Pa.
+        energy_density_pa: NumPy function (F [P, 3, 3], parameters [m, P], state [k, P]) -> stored energy per rest
+            volume, J/m3, [P].
+        state: names of the state columns, zero at rest.
+        gradient: how the engine carries F.
+        stiffening: NumPy function (parameters, state) -> by how much the P-wave modulus has grown over that at rest,
+            [P]; None if it does not grow much.
+        damped: with Kelvin-Voigt viscosity (``kelvin_voigt.damped``).
     """
 
     law_id: LawId
+    parameters: tuple[str, ...]
+    prepare: Callable[[Mapping[str, NDArray[np.float64]]], Columns]
     response: Any
-    energy_density_pa: EnergyDensity
+    energy_density_pa: Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+    state: tuple[str, ...] = ()
+    gradient: Gradient = Gradient.ELASTIC
+    stiffening: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]] | None = None
+    damped: bool = False
+
+    @property
+    def name(self) -> str:
+        """Tells compiled kernels apart."""
+        return f"DAMPED_{self.law_id.name}" if self.damped else self.law_id.name
+
+    @property
+    def column_count(self) -> int:
+        """Columns that a particle of this law needs beyond the common ones."""
+        return len(self.parameters) + len(self.state) + (9 if self.gradient is Gradient.ELASTIC else 0)
 
 
 LAWS: dict[LawId, Law] = {}
 """Every law that the engine has, by name; ``laws/__init__.py`` registers them."""
 
+_BY_NAME: dict[str, Law] = {}
+
 
 def register(law: Law) -> Law:
     """Make a law known to the engine."""
-    LAWS[law.law_id] = law
+    if not law.damped:
+        LAWS[law.law_id] = law
+    _BY_NAME[law.name] = law
     return law
+
+
+def law_named(name: str) -> Law:
+    """The registered law of that ``Law.name``."""
+    return _BY_NAME[name]
 
 
 class LawType(types.Opaque):
@@ -69,7 +126,7 @@ register_model(LawType)(models.OpaqueModel)
 
 @typeof_impl.register(Law)
 def _typeof_law(law: Law, context: Any) -> LawType:
-    return LawType(law.law_id.name)
+    return LawType(law.name)
 
 
 @unbox(LawType)
@@ -77,16 +134,16 @@ def _unbox_law(law_type: Any, value: Any, context: Any) -> NativeValue:
     return NativeValue(context.context.get_dummy_value())
 
 
-def respond(law: Any, h: Any, mu: Any, lam: Any) -> Any:
-    """Inside kernels: (H, tau) of ``law`` for nine lanes of H = F - I and the Lame parameters; see ``Law.response``."""
+def respond(law: Any, h: Any, c: Any, dt: Any, parameters: Any, state: Any) -> Any:
+    """Inside kernels: ``Law.response`` of ``law``."""
     raise NotImplementedError("respond works inside compiled kernels only.")
 
 
-@overload(respond, jit_options={"forceinline": True, "fastmath": True, "error_model": "numpy"})
-def _respond(law, h, mu, lam):
-    response = LAWS[LawId[law.law_name]].response
+@overload(respond, jit_options=INLINE)
+def _respond(law, h, c, dt, parameters, state):
+    response = law_named(law.law_name).response
 
-    def call(law, h, mu, lam):
-        return response(h, mu, lam)
+    def call(law, h, c, dt, parameters, state):
+        return response(h, c, dt, parameters, state)
 
     return call

@@ -27,10 +27,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phys4dgen.mpm.laws.elastic_strain import of_gradient
 from phys4dgen.mpm.laws.law import Law, LawId, register
 from phys4dgen.vector.lanes import like, maximum
-from phys4dgen.vector.math import inline, log
-from phys4dgen.vector.matrix import determinant, identity_plus, left_cauchy_green
+from phys4dgen.vector.math import inline, log1p
+from phys4dgen.vector.matrix import volume_growth
 
 __all__ = ["NEO_HOOKEAN", "energy_density_pa", "response"]
 
@@ -38,29 +39,32 @@ _SMALLEST_J = np.float32(1e-6)  # keeps the logarithm finite in a simulation tha
 
 
 @inline
-def response(h, mu, lam):
-    """(H, tau) for nine lanes of H = F - I; mu and lam in Pa."""
-    h00, h01, h02, h10, h11, h12, h20, h21, h22 = h
-    q00, q01, q02, q11, q12, q22 = left_cauchy_green(h)  # b - I = H + H^T + H H^T
-    j = determinant(identity_plus(h))
-    pressure = lam * log(maximum(j, like(j, _SMALLEST_J)))
-    tau = (
-        mu * (h00 + h00 + q00) + pressure,
-        mu * (h01 + h10 + q01),
-        mu * (h02 + h20 + q02),
-        mu * (h11 + h11 + q11) + pressure,
-        mu * (h12 + h21 + q12),
-        mu * (h22 + h22 + q22) + pressure,
-    )
-    return h, tau
+def response(h, c, dt, parameters, state):
+    """(tau, state); see ``Law.response``. Parameters mu, lam; no state."""
+    mu, lam = parameters
+    e00, e01, e02, e11, e12, e22 = of_gradient(h)  # b - I
+    growth = volume_growth(h)
+    pressure = lam * log1p(maximum(growth, like(growth, _SMALLEST_J - np.float32(1))))
+    return (mu * e00 + pressure, mu * e01, mu * e02, mu * e11 + pressure, mu * e12, mu * e22 + pressure), state
 
 
-def energy_density_pa(F: NDArray[Any], mu: NDArray[np.float64], lam: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Stored energy per rest volume [P] in J/m3, of F [P, 3, 3]; mu, lam [P] in Pa."""
+def energy_density_pa(
+    F: NDArray[Any], parameters: NDArray[np.float64], state: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Stored energy per rest volume [P] in J/m3; see ``Law.energy_density_pa``."""
+    mu, lam = parameters
     F = np.asarray(F, np.float64)
     log_j = np.log(np.maximum(np.linalg.det(F), float(_SMALLEST_J)))
     trace_b = np.einsum("pij,pij->p", F, F)
     return mu / 2 * (trace_b - 3) - mu * log_j + lam / 2 * log_j**2
 
 
-NEO_HOOKEAN = register(Law(LawId.NEO_HOOKEAN, response, energy_density_pa))
+NEO_HOOKEAN = register(
+    Law(
+        LawId.NEO_HOOKEAN,
+        ("lame_mu_pa", "lame_lambda_pa"),
+        lambda material: (material["lame_mu_pa"], material["lame_lambda_pa"]),
+        response,
+        energy_density_pa,
+    )
+)
