@@ -93,8 +93,6 @@ def _tell_what_differs(
             f"if glued to it; a finer grid (--grid {2 * asset.grid}) frees them."
         )
     facts.part_mass_g = _part_masses_g(parts, continuum, assembly)
-    for warning in assembly.law_warnings:
-        progress.warn(f"Law: {warning}.")
 
 
 def _animator(asset: Asset, parts: Parts, continuum: Continuum, held: Held) -> Animator:
