@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-from itertools import pairwise, permutations, product
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -23,7 +23,6 @@ from phys4dgen.export.video import write_video
 from phys4dgen.formats import load_gaussians, save_gaussians, write_ply
 from phys4dgen.render.sh_rotation import rotate_sh
 from phys4dgen.types import Gaussians, Trajectory
-from phys4dgen.types.upright import guess_up
 
 # Spherical harmonics -----------------------------------------------------------------------------------------------
 
@@ -305,66 +304,6 @@ def test_part_colors_are_distinct():
 
 
 # Inspection and the up guess ---------------------------------------------------------------------------------------
-
-
-def gaussians_at(points):
-    n = len(points)
-    return Gaussians(
-        means=np.asarray(points, np.float32),
-        quats_wxyz=np.tile(np.float32([1, 0, 0, 0]), (n, 1)),
-        scales=np.full((n, 3), 0.01, np.float32),
-        opacities=np.full(n, 0.9, np.float32),
-        sh=np.zeros((n, 1, 3), np.float32),
-    )
-
-
-def lamp(rng):
-    """A disc on the ground, a thin pole and a small ball on top, z up."""
-    disc = rng.uniform(-1, 1, size=(4000, 2))
-    disc = disc[np.linalg.norm(disc, axis=1) < 1]
-    pole = rng.uniform(0, 1, size=500)
-    ball = unit_vectors(rng, 800) * 0.3
-    return np.concatenate(
-        [
-            np.c_[0.5 * disc, rng.uniform(0, 0.03, len(disc))],
-            np.c_[rng.normal(0, 0.02, size=(500, 2)), 1.7 * pole],
-            ball + np.array([0, 0, 2.0]),
-        ]
-    )
-
-
-def test_up_of_a_lamp_is_found_in_every_orientation():
-    points = lamp(np.random.default_rng(0))
-    for order, signs in product(permutations(range(3)), product((1, -1), repeat=3)):
-        turn = np.zeros((3, 3))
-        turn[range(3), order] = signs
-        guess = guess_up(gaussians_at(points @ turn.T))
-        assert np.allclose(guess.up, turn[:, 2]), (order, signs, guess)
-        assert guess.is_sure
-
-
-def test_up_of_a_ball_is_unsure():
-    guess = guess_up(gaussians_at(unit_vectors(np.random.default_rng(1), 5000)))
-    assert not guess.is_sure
-    assert guess.reason.startswith("unsure")
-
-
-@pytest.mark.parametrize("points", [np.zeros((1, 3)), np.zeros((9, 3)), np.c_[np.arange(9), np.zeros((9, 2))]])
-def test_up_of_next_to_nothing_is_a_guess(points):
-    guess = guess_up(gaussians_at(points))
-    assert np.linalg.norm(guess.up) == 1
-    assert 0 <= guess.confidence <= 1
-
-
-@pytest.mark.parametrize("name", ["plant.splat", "ponytail_palm.splat"])
-def test_up_of_real_captures(shared_data, name):
-    guess = guess_up(load_gaussians(shared_data / "splats" / name))
-    assert guess.up.tolist() == [0, -1, 0]
-    assert guess.is_sure
-
-
-def test_up_of_a_lying_hammer_is_unsure(shared_data):
-    assert not guess_up(load_gaussians(shared_data / "interior" / "hammer_10k.splat")).is_sure
 
 
 def test_inspection_names_every_problem(tmp_path, random_gaussians):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from phys4dgen.formats import read_splat_file
 from phys4dgen.types import SH_C0, Gaussians
-from phys4dgen.types.upright import guess_up
+from phys4dgen.upright import guess_up
 
 __all__ = ["inspect_splat"]
 
@@ -45,7 +45,7 @@ def inspect_splat(path: Path | str) -> dict[str, Any]:
             "full_upper": rounded(gaussians.means.max(axis=0)),
         },
         "up": {
-            "vector": up.up.tolist(),
+            "vector": rounded(up.up),
             "confidence": round(up.confidence, 3),
             "sure": up.is_sure,
             "reason": up.reason,

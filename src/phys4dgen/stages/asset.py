@@ -14,7 +14,7 @@ from phys4dgen.scene import Scene
 from phys4dgen.stages.reconstruct import Source
 from phys4dgen.stages.resolution import FINE_GRID, automatic_grid
 from phys4dgen.types import Frame, Gaussians, rotation_to_z_up
-from phys4dgen.types.upright import guess_up
+from phys4dgen.upright import guess_up
 
 __all__ = ["Asset", "load"]
 
