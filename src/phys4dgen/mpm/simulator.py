@@ -227,6 +227,7 @@ class Simulator:
         self._cells = np.full_like(self._cells, NEVER_SEEN)
         time_s = self._frames_done * self.settings.frame_time_s
         self._max_speed_ms = self._inspect(frame=self._frames_done, time_s=time_s)
+        self._wave_speed_ms = self._fastest_wave_ms()
         self._grid = self._lay_grid(frame=self._frames_done, time_s=time_s)
         self.frame = self._make_frame(substeps=substeps, dt_s=float(saved["dt_s"]))
         return self.frame
