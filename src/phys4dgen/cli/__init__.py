@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(words: list[str]) -> int:
-    from phys4dgen.cli.arguments import parse, top_help
+    from phys4dgen.cli.arguments import module_of, parse, top_help
 
     if not words or words[0] in ("-h", "--help", "help"):
         sys.stdout.write(top_help() + "\n")
@@ -73,7 +73,7 @@ def _run(words: list[str]) -> int:
         arguments = parse(words)
     except SystemExit as help_was_printed:
         return int(help_was_printed.code or 0)
-    return import_module(f"phys4dgen.cli.{arguments.command}").run(arguments)
+    return import_module(f"phys4dgen.cli.{module_of(arguments.command)}").run(arguments)
 
 
 def _verbosity(words: Sequence[str]) -> int:

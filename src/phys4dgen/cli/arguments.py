@@ -30,6 +30,7 @@ __all__ = [
     "add_generate_flags",
     "add_simulate_flags",
     "add_switches",
+    "module_of",
     "parse",
     "scene_from",
     "scene_with",
@@ -45,6 +46,7 @@ COMMANDS = {
     "identify": "name the materials of a run again, by another model or with more samples",
     "inspect": "say what a splat file or a run folder holds",
     "convert": "a splat file into another format",
+    "import-physgaussian": "a configuration of PhysGaussian into a scene of ours",
     "doctor": "say what is ready on this machine, what is missing, and how to get it",
 }
 """Summaries of the commands; each lives in the module of its name beside this one, which has ``SCENE_KEYS`` (whether
@@ -148,10 +150,15 @@ class _Parser(argparse.ArgumentParser):
 def top_help() -> str:
     """The text of ``phys4dgen --help``; needs no heavy import."""
     lines = ["usage: phys4dgen COMMAND [flags]", "", "3D Gaussian splats that obey physics, on a CPU.", "", "commands:"]
-    lines += [f"  {name:<10} {text}" for name, text in COMMANDS.items()]
+    lines += [f"  {name:<20} {text}" for name, text in COMMANDS.items()]
     lines += ["", "  phys4dgen COMMAND --help   lists the flags of a command", "  phys4dgen --version"]
     lines += ["", "example: phys4dgen generate plant.splat -o plant_run --up -y --height-m 0.35"]
     return "\n".join(lines)
+
+
+def module_of(command: str) -> str:
+    """Name of the module beside this one in which a command lives."""
+    return command.replace("-", "_")
 
 
 def parse(argv: Sequence[str]) -> Arguments:
@@ -165,7 +172,7 @@ def parse(argv: Sequence[str]) -> Arguments:
         raise SceneError(
             f"'{command}' is not a command; expected one of {', '.join(COMMANDS)}.{did_you_mean(command, COMMANDS)}"
         )
-    module = import_module(f"phys4dgen.cli.{command}")
+    module = import_module(f"phys4dgen.cli.{module_of(command)}")
     parser = _parser(command)
     module.add_flags(parser)
     if module.SCENE_KEYS and any(word in ("-h", "--help") for word in rest):
