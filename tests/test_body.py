@@ -105,7 +105,7 @@ def test_a_slow_enough_body_on_a_fine_grid_is_simulated_as_it_is(continuum):
     np.testing.assert_array_equal(body.density_kgm3, [800.0] * 6 + [300.0, 800.0])
     np.testing.assert_array_equal(body.poisson_ratio, [0.3] * 2 + [0.0] * 4 + [0.2, 0.3])  # a slender rod feels E
     assert not assembly.true_offset_m.any()
-    assert (assembly.thickening, assembly.capped, assembly.law_warnings) == ((), (), ())
+    assert (assembly.thickening, assembly.capped) == ((), ())
     np.testing.assert_allclose(assembly.mass_kg, body.mass_kg, rtol=1e-12)
 
 
@@ -281,15 +281,31 @@ def test_inside_and_outside_take_their_own_material(continuum):
     np.testing.assert_array_equal(body.density_kgm3[SHEET_P], 800.0)
 
 
-def test_a_law_that_is_not_built_is_run_as_another_and_said_once(continuum):
+def test_every_particle_runs_the_law_of_its_material(continuum):
+    """Surface and interior apart; a yield stress keeps the bending moment of what is thickened."""
     book = _book(
-        leaf=_material(law="fixed_corotated"),
-        stem=_material(name="clay", law="von_mises"),
-        pot=_material(name="sand", law="drucker_prager"),
+        leaf=_material(law="von_mises", extra={"yield_stress_pa": 1e6, "hardening_modulus_pa": 2e6}),
+        stem=_material(law="viscoplastic", extra={"yield_stress_pa": 1e6, "viscosity_pas": 50.0}),
+        pot=_material(name="sand", law="drucker_prager", extra={"friction_angle_deg": 33.0}),
     )
-    assembly = _assemble(continuum, book, speed_ms=1e4)
-    assert (assembly.body.law[SHEET_P] == LawId.FIXED_COROTATED).all()
-    assert (assembly.body.law[ROD_P] == LawId.NEO_HOOKEAN).all()
-    (warning,) = assembly.law_warnings  # the pot is held: its law is not run at all
-    assert "stem" in warning
-    assert "von_mises" in warning
+    assembly = _assemble(continuum, book, speed_ms=150.0, cell_m=2.5e-3)
+    body = assembly.body
+    assert (body.law[SHEET_P] == LawId.VON_MISES).all()
+    assert (body.law[ROD_P] == LawId.VISCOPLASTIC).all()
+    sheet, rod = (_simulated_over_true(assembly, continuum, some) for some in (SHEET_P, ROD_P))
+    assert sheet.min() > 1.5 and rod.min() > 1.5
+    np.testing.assert_allclose(body.law_numbers["yield_stress_pa"][SHEET_P] * sheet**2, 1e6)
+    np.testing.assert_allclose(body.law_numbers["hardening_modulus_pa"][SHEET_P] * sheet**3, 2e6)
+    np.testing.assert_allclose(body.law_numbers["yield_stress_pa"][ROD_P] * rod**3, 1e6)
+    np.testing.assert_allclose(body.law_numbers["viscosity_pas"][ROD_P] * rod**4, 50.0)
+    of_pot = body.law == LawId.DRUCKER_PRAGER
+    assert of_pot.any()
+    np.testing.assert_allclose(body.law_numbers["friction_angle_deg"][of_pot], 33.0)
+    np.testing.assert_allclose(body.law_numbers["cohesion_pa"][of_pot], 0.0)
+
+
+def test_a_thin_layer_of_what_keeps_no_shape_is_not_thickened(continuum):
+    sand = _material(law="drucker_prager", extra={"friction_angle_deg": 33.0})
+    assembly = _assemble(continuum, _book(leaf=sand, stem=sand), speed_ms=150.0, cell_m=2.5e-3)
+    assert assembly.thickening == ()
+    np.testing.assert_allclose(assembly.body.poisson_ratio[ROD_P], _material().poisson_ratio)

@@ -110,7 +110,7 @@ def test_the_whole_library_survives_the_file(tmp_path: Path):
 materials = st.builds(
     Material,
     name=st.sampled_from(["goo", "steel", "my cloth: 2", "#1"]),
-    law=st.sampled_from(["neo_hookean", "snow"]),
+    law=st.sampled_from(["neo_hookean", "stvk_hencky"]),
     density_kgm3=st.floats(1, 25000),
     youngs_modulus_pa=st.floats(1, 2e12),
     poisson_ratio=st.floats(0, 0.4999),
@@ -190,7 +190,7 @@ def test_values_outside_the_library_range_are_said(tmp_path: Path):
         ("parts:\n  hat:\n    surface: {law: snow}", 3, "expected name to be text, got None."),
         ("parts: [1, 2]", 1, "expected parts to be a mapping of names to values, got [1, 2]."),
         ("parts: {hat: {surface: {name: felt, warnings: 3}}}", 1, "expected warnings to be a list of sentences"),
-        ("parts: {hat: {surface: {name: felt, extra: {a: b}}}}", 1, "expected a to be a number from 0 to 1e15"),
+        ("parts: {hat: {surface: {name: felt, extra: {a: b}}}}", 1, "'a' is not a number of any law"),
         ("- 1", 1, "expected the file to be a mapping of names to values, got [1]."),
         ("parts: {", 1, ""),
     ],

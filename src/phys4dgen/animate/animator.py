@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from phys4dgen.animate.coming_apart import ComingApart
 from phys4dgen.animate.kernels import LANES, blocked, carry_slice, covariance_slice
 from phys4dgen.animate.skinning import Skin
 from phys4dgen.animate.slices import run_slices
@@ -82,6 +83,7 @@ class Animator:
         skin: Skin,
         rest_positions: NDArray[Any],
         *,
+        loose: NDArray[np.bool_] | None = None,
         stretch_limits: tuple[float, float] = STRETCH_LIMITS,
         threads: int | None = None,
     ) -> None:
@@ -91,6 +93,7 @@ class Animator:
             gaussians: at rest, N.
             skin: how they hang on the particles.
             rest_positions: X_p of the particles whose x_p ``frame`` will be given, shape [P, 3], input coordinates.
+            loose: particles that may part from their neighbours (``coming_apart``), shape [P]; none by default.
             stretch_limits: see ``Deformer``.
             threads: None for Numba's thread count; the result does not depend on it.
 
@@ -116,6 +119,7 @@ class Animator:
         padding = -len(skin) % LANES
         self._particles = np.pad(skin.particles, ((0, padding), (0, 0)))
         self._weights = np.pad(skin.weights, ((0, padding), (0, 0)))
+        self._coming_apart = None if loose is None or not loose.any() else ComingApart(skin, rest, loose)
 
     def frame(self, positions: NDArray[Any], deformation_gradients: NDArray[Any]) -> AnimatedFrame:
         """All Gaussians when the particles stand at ``positions`` [P, 3] with total F [P, 3, 3], input axes."""
@@ -134,7 +138,7 @@ class Animator:
             carry_slice,
             self._motion(positions, deformation_gradients),
             self._particles,
-            self._weights,
+            self._weights if self._coming_apart is None else self._coming_apart.weights(self._weights, positions),
             self._means,
             self._centred,
             self._rigidity,

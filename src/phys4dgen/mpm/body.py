@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.mpm.laws import LAWS, Law, LawId, damped
+from phys4dgen.mpm.laws import LAWS, Gradient, Law, LawId, damped
 from phys4dgen.types import LAW_NUMBERS
 from phys4dgen.types.checks import checked_array
 
@@ -118,6 +118,12 @@ class Body:
     def is_soft(self) -> NDArray[np.bool_]:
         """Particles that deform, shape [P]; the rest is rigid or held."""
         return ~self.held & ~self.is_rigid
+
+    @property
+    def flows(self) -> NDArray[np.bool_]:
+        """Particles whose law can flow, so that neighbours may part, shape [P]."""
+        flowing = [int(law_id) for law_id, law in LAWS.items() if law.gradient is not Gradient.ELASTIC]
+        return np.isin(self.law, flowing) & self.is_soft
 
     @property
     def mass_kg(self) -> NDArray[np.float64]:

@@ -20,9 +20,14 @@ from phys4dgen.mpm.kernels.layout import (
     VELOCITY,
     VOLUME,
 )
-from phys4dgen.mpm.laws import NEO_HOOKEAN, Law
+from phys4dgen.mpm.laws import NEO_HOOKEAN, Gradient, Law
 
-__all__ = ["Particles"]
+__all__ = ["REMEMBERED_STRETCH", "Particles"]
+
+REMEMBERED_STRETCH = (0.25, 4.0)
+"""Least and greatest singular value that the total F of flowing material keeps from frame to frame."""
+
+_SURELY_WITHIN = 0.7  # |F - I| below which no singular value of F is outside
 
 
 class Particles:
@@ -124,6 +129,22 @@ class Particles:
     def deformation_gradients(self) -> NDArray[np.float32]:
         """F of the moving particles as their laws carry it (``Gradient``), [M, 3, 3]."""
         return self.read(DISPLACEMENT_GRADIENT, 9).reshape(-1, 3, 3) + np.eye(3, dtype=np.float32)
+
+    def limit_stretch(self) -> None:
+        """Keep the singular values of F within ``REMEMBERED_STRETCH`` where F does not carry the stress.
+
+        What flows would stretch its F without end; beyond the limits only its directions go on following the flow.
+        """
+        for law, places in zip(self.laws[: self.soft_ranges], self._places(), strict=False):
+            if law.gradient is not Gradient.TOTAL:
+                continue
+            columns = self.columns[DISPLACEMENT_GRADIENT : DISPLACEMENT_GRADIENT + 9, places]
+            far = np.flatnonzero(~(np.square(columns).sum(0) < _SURELY_WITHIN**2))
+            F = columns[:, far].T.reshape(-1, 3, 3).astype(np.float64) + np.eye(3)
+            F[~np.isfinite(F).all((1, 2))] = np.eye(3)
+            left, stretch, right = np.linalg.svd(F)
+            limited = (left * np.clip(stretch, *REMEMBERED_STRETCH)[:, None, :]) @ right
+            columns[:, far] = (limited - np.eye(3)).reshape(-1, 9).T
 
     def affine_per_s(self) -> NDArray[np.float32]:
         """APIC velocity gradient C of the moving particles, 1/s, [M, 3, 3]."""
