@@ -6,7 +6,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from phys4dgen.grouping.sam2.segmenter import Proposal
-from phys4dgen.render.views import render_labels
+from phys4dgen.render.cameras import orbit_camera
+from phys4dgen.render.rasterise import Rasteriser, packed_covariances
 
 
 class Oracle:
@@ -91,6 +92,31 @@ class Oracle:
 
 def true_maps(gaussians, labels, cameras):
     """The part that each pixel of each view shows; floaters show nothing."""
+    rasteriser, covariances = Rasteriser(), packed_covariances(gaussians.covariances())
     known = np.where(labels >= 0, labels, labels.max() + 1)
-    maps = np.stack([render_labels(gaussians, known, camera) for camera in cameras])
+    maps = np.stack(
+        [
+            rasteriser.render_labels(gaussians.means, covariances, gaussians.opacities, labels=known, camera=camera)
+            for camera in cameras
+        ]
+    )
     return np.where(maps > labels.max(), -1, maps)
+
+
+def random_cameras(gaussians, rotation, *, count, size_px, seed=0):
+    """Cameras anywhere above -30 deg, in random order."""
+    rng = np.random.default_rng(seed)
+    lower, upper = gaussians.robust_bounds(rotation=rotation)
+    return [
+        orbit_camera(
+            azimuth_deg=rng.uniform(0, 360),
+            elevation_deg=float(np.degrees(np.arcsin(rng.uniform(-0.5, 1)))),
+            target=(lower + upper) / 2 @ rotation,
+            rotation=rotation,
+            radius=1.2 * float(np.linalg.norm(upper - lower)),
+            fovy_deg=49.1,
+            width=size_px,
+            height=size_px,
+        )
+        for _ in range(count)
+    ]

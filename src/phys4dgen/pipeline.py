@@ -81,15 +81,15 @@ def animate_scene(scene: Scene, store: Store, *, until: str = "render", progress
     if until == "views":
         return
     tree = store.keep_tree(lambda: find_tree(scene, asset, views(), progress))
-    parts = stage("grouping", lambda: group(scene, asset, views(), tree, progress))
+    parts = stage("grouping", lambda: group(scene, asset, views(), tree, store.place("segments"), progress))
     check_part_names(scene, parts().names)
     if until == "grouping":
         return
     interior = stage("interior", lambda: fill(scene, asset, parts(), progress))
     if until == "interior":
         return
-    answers = store.place("answers")
-    book = stage("materials", lambda: identify(scene, source(), asset, parts(), interior(), answers, progress))
+    run = store.place("")
+    book = stage("materials", lambda: identify(scene, source(), asset, parts(), interior(), run, progress))
     if until == "materials":
         return
     motion = stage("simulate", lambda: move(scene, asset, parts(), interior(), book(), progress))

@@ -30,7 +30,13 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     for name, metavar, text in (
         ("--merge", "A,B", "these parts become one, under the first name"),
         ("--rename", "OLD=NEW", "another name for a part"),
-        ("--split", "NAME[=K]", "this part becomes K (2) by colour and shape, or those that --seed after it point at"),
+        (
+            "--split",
+            "NAME[=K]",
+            "this part becomes K (2) by colour and shape, or those that --seed after it point at; NAME@X,Y[=PIECE], a "
+            "pixel of the front view, or NAME@LEFT,TOP,RIGHT,BOTTOM, a box in it (or @VIEW,... of another): what is "
+            "there becomes a part of its own, by SAM2 where its weights are on this machine",
+        ),
     ):
         text += "; parts by name or number; may be repeated, in order"
         parser.add_argument(name, metavar=metavar, action=_InOrder, default=argparse.SUPPRESS, help=text)

@@ -17,7 +17,7 @@ from phys4dgen.grouping.seeds import seed_patches
 from phys4dgen.grouping.supervoxels import object_radius
 from phys4dgen.types import Frame, Gaussians, Parts
 
-__all__ = ["split_part"]
+__all__ = ["split_part", "with_pieces"]
 
 
 def split_part(
@@ -79,7 +79,7 @@ def split_part(
         )
     if not seeds:
         piece = number_from_the_ground(piece, own, frame)[0]
-    return _with_pieces(parts, rows, piece, name=name, names=names, gaussians=gaussians, frame=frame)
+    return with_pieces(parts, rows, piece, name=name, names=names, gaussians=gaussians, frame=frame)
 
 
 def _patches_of(graph: PatchGraph, rows: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -111,7 +111,7 @@ def _by_seeds(
     return np.where(half == clicked_half, 0, 1), [next(iter(seeds)), name]
 
 
-def _with_pieces(
+def with_pieces(
     parts: Parts,
     rows: NDArray[np.intp],
     piece: NDArray[np.integer],
@@ -121,7 +121,17 @@ def _with_pieces(
     gaussians: Gaussians,
     frame: Frame,
 ) -> Parts:
-    """The parts with the Gaussians ``rows`` of part ``name`` divided into pieces."""
+    """The parts with the Gaussians ``rows`` of part ``name`` divided into pieces.
+
+    Args:
+        parts: before.
+        rows: all Gaussians of the part.
+        piece: number of the piece of each of them.
+        name: of the part.
+        names: of the pieces, one of which may be that of the part.
+        gaussians: N static Gaussians.
+        frame: which way is up.
+    """
     all_names = [*parts.names, *names]  # the old name stays in its place without Gaussians, unless a piece bears it
     labels = parts.labels.astype(np.int64)
     labels[rows] = parts.count + piece

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from phys4dgen.errors import SceneError, StageError, did_you_mean
 from phys4dgen.grouping.label_maps import read_cameras
 from phys4dgen.grouping.seeds import gaussian_at
+from phys4dgen.render.cameras import DEFAULT_FOVY_DEG, orbit_camera
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.source_files import read_source
 from phys4dgen.scene import PartEdit, Scene
 from phys4dgen.scene.errors import explain
-from phys4dgen.types import Camera, Gaussians
+from phys4dgen.stages.segmentation import decide
+from phys4dgen.types import Camera, Gaussians, rotation_to_z_up
 
 __all__ = ["Clicks", "edits_of_flags"]
 
+_FRONT_ELEVATION_DEG = 10.0
 _DIGITS = 6
 """Of a clicked point's coordinates, which find the same Gaussian again."""
 
@@ -42,26 +47,82 @@ class Clicks:
             SceneError: there is no such view.
             StageError: the pixel lies outside the view or beside the object.
         """
-        if self._cameras is None or self._gaussians is None:
-            self._cameras = read_cameras(self._run.cameras_json)
+        camera = self._camera(view)[1]
+        if self._gaussians is None:
             self._gaussians = read_source(self._run, self._scene).gaussians
-        names = list(self._cameras)
+        mean = self._gaussians.means[gaussian_at(self._gaussians, camera, x_px, y_px)]
+        return tuple(float(f"{value:.{_DIGITS}g}") for value in mean)
+
+    def box(self, view: str, corners_px: Sequence[float]) -> dict[str, Any]:
+        """A box in a view as a scene keeps it, in shares of the picture.
+
+        Args:
+            view: name or number of a camera in cameras.json.
+            corners_px: left, top, right and bottom, pixels.
+
+        Raises:
+            SceneError: there is no such view, or the box lies outside it.
+        """
+        name, camera = self._camera(view)
+        left, top, right, bottom = corners_px
+        if not (0 <= left < right <= camera.width and 0 <= top < bottom <= camera.height):
+            raise SceneError(
+                f"expected a box inside the {camera.width} x {camera.height} px of {name}, left < right and top < "
+                f"bottom, got {', '.join(f'{value:g}' for value in corners_px)}."
+            )
+        size = (camera.width, camera.height) * 2
+        return {"view": name, "corners": tuple(value / whole for value, whole in zip(corners_px, size, strict=True))}
+
+    def front_view(self) -> str:
+        """Name of the view that looks from the front, a little from above: the canonical one."""
+        up = np.array(json.loads(self._run.cameras_json.read_text("utf-8"))["up"], np.float64)
+        wanted = orbit_camera(
+            azimuth_deg=0.0, elevation_deg=_FRONT_ELEVATION_DEG, target=np.zeros(3), rotation=rotation_to_z_up(up),
+            radius=1.0, fovy_deg=DEFAULT_FOVY_DEG, width=1, height=1,
+        ).viewmat[2, :3]  # fmt: skip
+        cameras = self._cameras_of()
+        return max(cameras, key=lambda name: float(cameras[name].viewmat[2, :3] @ wanted))
+
+    def network_is_ready(self, *, needed: bool) -> bool:
+        """Whether SAM2 finds what is pointed at; colour and shape do where it is not there or would take long.
+
+        Args:
+            needed: nothing else can.
+
+        Raises:
+            StageError: it is needed and not ready.
+        """
+        backend = "sam2" if needed or self._scene.grouping.backend == "sam2" else "auto"
+        scene = self._scene.with_overrides(
+            {"grouping.backend": backend, "grouping.parts": "auto", "grouping.labels_file": None}
+        )
+        return decide(scene, len(self._cameras_of())).folder is not None
+
+    def _cameras_of(self) -> Mapping[str, Camera]:
+        if self._cameras is None:
+            self._cameras = read_cameras(self._run.cameras_json)
+        return self._cameras
+
+    def _camera(self, view: str) -> tuple[str, Camera]:
+        """The name and the camera of a view."""
+        cameras = self._cameras_of()
+        names = list(cameras)
         if view.isdecimal() and int(view) < len(names):
             view = names[int(view)]
-        if view not in self._cameras:
+        if view not in cameras:
             raise SceneError(
                 f"there is no view '{view}'; the views are {names[0]} to {names[-1]}, or 0 to {len(names) - 1}."
             )
-        mean = self._gaussians.means[gaussian_at(self._gaussians, self._cameras[view], x_px, y_px)]
-        return tuple(float(f"{value:.{_DIGITS}g}") for value in mean)
+        return view, cameras[view]
 
 
 def edits_of_flags(flags: Sequence[tuple[str, str]], names: Sequence[str], clicks: Clicks) -> list[PartEdit]:
     """The edits that flags ask for, in their order; clicks after a split say which pieces it gives.
 
     Args:
-        flags: ("merge", "a,b"), ("rename", "old=new"), ("split", "a=2"), ("split", "a") or ("seed", "a@view,x,y"). A
-            part stands by its name or, as in parts.png, by its number until an edit changes the numbers.
+        flags: ("merge", "a,b"), ("rename", "old=new"), ("split", "a=2"), ("split", "a"), ("split", "a@x,y=b") or
+            ("seed", "a@view,x,y"). A part stands by its name or, as in parts.png, by its number until an edit changes
+            the numbers.
         names: of the parts before.
         clicks: finds what was clicked on.
 
@@ -124,6 +185,10 @@ def _split(
             )
         return _edit("--seed", seeds=points)
     old, equals, count = (word.strip() for word in text.partition("="))
+    if "@" in old:
+        if points:
+            raise SceneError(f"--split {text}: it points at a piece already; leave --seed out, or the place after @.")
+        return _pointed_at(text, names, clicks=clicks, numbered=numbered)
     name = _part(old, names, "--split", numbered=numbered)
     if equals and (points or not count.isdecimal()):
         got = f"'{text}' and clicks" if points else f"'{text}'"
@@ -134,6 +199,34 @@ def _split(
     if taken:
         raise SceneError(f"--split: a piece of '{name}' cannot be called '{taken[0]}': there is such a part.")
     return edit
+
+
+def _pointed_at(text: str, names: Sequence[str], *, clicks: Clicks, numbered: bool) -> PartEdit:
+    """NAME@X,Y or NAME@LEFT,TOP,RIGHT,BOTTOM, a view before the numbers if it is not the front one, =PIECE at will."""
+    whole, _, piece = (word.strip() for word in text.partition("="))
+    old, _, place = (word.strip() for word in whole.partition("@"))
+    name = _part(old, names, "--split", numbered=numbered)
+    words = [word.strip() for word in place.split(",")]
+    view = words.pop(0) if len(words) in (3, 5) else clicks.front_view()
+    try:
+        numbers = tuple(float(word) for word in words)
+        if len(numbers) not in (2, 4):
+            raise ValueError
+    except ValueError:
+        raise SceneError(
+            f"--split: expected NAME@X,Y or NAME@LEFT,TOP,RIGHT,BOTTOM in pixels of {clicks.front_view()}, or with "
+            f"another view as in {name}@view_03,120,200, got '{text}'."
+        ) from None
+    piece = piece or next(free for k in range(1, 300) if (free := f"{name}_{k}") not in names)
+    if piece in names:
+        raise SceneError(f"--split: a piece of '{name}' cannot be called '{piece}': there is such a part.")
+    try:
+        by = "sam2" if clicks.network_is_ready(needed=len(numbers) == 4) else "appearance"
+        if len(numbers) == 4:
+            return _edit("--split", split=name, boxes={piece: clicks.box(view, numbers)}, by=by)
+        return _edit("--split", split=name, seeds={piece: (clicks.point(view, *numbers),)}, by=by)
+    except (SceneError, StageError) as error:
+        raise SceneError(f"--split {text}: {str(error).removeprefix('grouping: ')}") from error
 
 
 def _seed(text: str, clicks: Clicks) -> tuple[str, tuple[float, ...]]:

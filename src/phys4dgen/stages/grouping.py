@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from phys4dgen.progress import Progress
 from phys4dgen.render.views import render_views
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
+from phys4dgen.stages.naming import names_from_picture
+from phys4dgen.stages.segmentation import decide, part_pointed_at, parts_by_sam2
 from phys4dgen.stages.views import rendered
 from phys4dgen.types import Parts, Views
 
@@ -25,20 +28,31 @@ __all__ = ["find_tree", "group"]
 
 _CURE = (
     "See parts.png; where it is wrong, give the number of parts (--parts N), click on them ('phys4dgen group RUN "
-    "--seed NAME@VIEW,X,Y'), or bring label maps of a segmentation network such as SAM2 (--grouping.labels-file)."
+    "--seed NAME@VIEW,X,Y'), use SAM2 (--grouping.backend sam2), or bring label maps (--grouping.labels-file)."
 )
 
 
 def find_tree(scene: Scene, asset: Asset, views: Views, progress: Progress) -> MergeTree:
     """How the object's surface joins into parts by colour and shape; the number of parts is not yet decided."""
     seen = _object_views(scene, asset, views, progress)
-    return appearance_tree(asset.gaussians, asset.frame, views=seen, progress=progress)
+    return appearance_tree(asset.evenly_lit, asset.frame, views=seen, progress=progress)
 
 
-def group(scene: Scene, asset: Asset, views: Views, tree: Callable[[], MergeTree], progress: Progress) -> Parts:
-    """Divide the Gaussians into parts (Paper: Sec. 3.2); ``tree`` returns what ``find_tree`` made."""
+def group(
+    scene: Scene, asset: Asset, views: Views, tree: Callable[[], MergeTree], kept: Path, progress: Progress
+) -> Parts:
+    """Divide the Gaussians into parts (Paper: Sec. 3.2).
+
+    Args:
+        scene: how, and what is corrected.
+        asset: the object.
+        views: of it.
+        tree: returns what ``find_tree`` made.
+        kept: folder in which masks of a network are kept and looked for.
+        progress: told what is found.
+    """
     wanted = scene.grouping
-    gaussians, frame = asset.gaussians, asset.frame
+    gaussians, frame = asset.evenly_lit, asset.frame
     if wanted.labels_file is not None and holds_label_maps(wanted.labels_file):
         parts = _lifted(scene, wanted.labels_file, asset, views)
     elif wanted.labels_file is not None:
@@ -46,15 +60,37 @@ def group(scene: Scene, asset: Asset, views: Views, tree: Callable[[], MergeTree
     elif wanted.backend == "none":
         parts = single_part(len(gaussians))
     else:
-        count = None if isinstance(wanted.parts, str) else wanted.parts
-        parts = parts_from_tree(tree(), gaussians, frame, parts=count)
-        doubt = reason_to_doubt(tree(), parts.count, wanted=count)
-        if doubt is not None and not wanted.edits:  # whoever edits parts has looked at them
-            progress.warn(f"The parts are uncertain: {doubt}. {_CURE}")
-    parts = rename_parts(parts, wanted.names)
+        parts = _found(scene, asset, views, tree, kept, progress)
+    names = wanted.names
+    if wanted.named_picture is not None:
+        by_picture = names_from_picture(scene, asset, views, parts, progress)
+        names = {number: name for number, name in by_picture.items() if name not in names.values()} | names
+    parts = rename_parts(parts, names)
     for edit in wanted.edits:
-        parts = edited_parts(parts, edit, gaussians=gaussians, frame=frame, tree=tree)
+        if edit.by == "sam2":
+            parts = part_pointed_at(scene, asset, views, parts, edit, progress)
+        else:
+            parts = edited_parts(parts, edit, gaussians=gaussians, frame=frame, tree=tree)
     progress.note(f"{parts.count} parts by {parts.backend}: {', '.join(parts.names)}.")
+    return parts
+
+
+def _found(
+    scene: Scene, asset: Asset, views: Views, tree: Callable[[], MergeTree], kept: Path, progress: Progress
+) -> Parts:
+    """Parts by SAM2, or by its stand-in; says which and why."""
+    wanted = scene.grouping
+    if wanted.backend != "appearance":
+        decision = decide(scene, len(views))
+        if decision.folder is not None:
+            progress.note(f"Parts by SAM2: {decision.why}.")
+            return parts_by_sam2(scene, asset, views, decision, kept, progress)
+        progress.note(f"Parts by appearance and not by SAM2: {decision.why}.")
+    count = None if isinstance(wanted.parts, str) else wanted.parts
+    parts = parts_from_tree(tree(), asset.evenly_lit, asset.frame, parts=count)
+    doubt = reason_to_doubt(tree(), parts.count, wanted=count)
+    if doubt is not None and not wanted.edits:  # whoever edits parts has looked at them
+        progress.warn(f"The parts are uncertain: {doubt}. {_CURE}")
     return parts
 
 
@@ -76,5 +112,7 @@ def _lifted(scene: Scene, path: Path, asset: Asset, views: Views) -> Parts:
 
 
 def _object_views(scene: Scene, asset: Asset, views: Views, progress: Progress) -> Views:
-    """Parts are read from the ``object`` table whatever views the user wants to look at."""
+    """Parts are read from the ``object`` table, evenly lit, whatever views the user wants to look at."""
+    if asset.even_colors is not None:
+        return rendered(replace(asset, gaussians=asset.evenly_lit), "object", 256, progress)
     return views if scene.views.preset == "object" else rendered(asset, "object", 256, progress)

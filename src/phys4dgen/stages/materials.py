@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 from phys4dgen.errors import Phys4DGenError
 from phys4dgen.interior import Interior
@@ -21,10 +26,11 @@ __all__ = ["asking", "identify", "model_endpoint", "pictures_for_model"]
 
 _TOKENS_PER_SAMPLE = 40_000
 _REQUESTS_PER_SAMPLE = 4
+_ANSWERS = "answers"
 
 
 def identify(
-    scene: Scene, source: Source, asset: Asset, parts: Parts, interior: Interior, answers: Path, progress: Progress
+    scene: Scene, source: Source, asset: Asset, parts: Parts, interior: Interior, run: Path, progress: Progress
 ) -> MaterialBook:
     """Name the materials of every part (Paper: Sec. 3.4); rules stand in for the multimodal model.
 
@@ -34,16 +40,20 @@ def identify(
         asset: the object.
         parts: its parts.
         interior: its particles, which know what is thin.
-        answers: folder in which answers of a model are kept and looked for.
+        run: folder that holds what earlier stages made; answers of a model are kept in its folder ``answers``.
         progress: told what is sent and found.
     """
     wanted = scene.materials
     if wanted.backend == "library":
         identified = MaterialBook({name: PartMaterials(material(name), material(name)) for name in parts.names})
     else:
-        identified = identify_by_rules(asset.gaussians, parts, asset.frame, interior.continuum)
+        identified = identify_by_rules(asset.evenly_lit, parts, asset.frame, interior.continuum)
     if wanted.backend == "mllm" or (wanted.backend == "auto" and wanted.file is None and wanted.allow_upload):
-        identified = _by_model(scene, source, asset, parts, identified, answers, progress)
+        identified = _by_model(scene, source, asset, parts, identified, run / _ANSWERS, progress)
+    elif wanted.backend == "clip":
+        identified = _by_clip(scene, source, asset, parts, identified, run / _ANSWERS, progress)
+    elif wanted.backend == "command":
+        identified = _by_command(scene, parts, identified, run, progress)
     from_file = None if wanted.file is None else read_materials(wanted.file, parts.names)
     options = scene.parts
     book = assemble_book(
@@ -89,6 +99,41 @@ def _by_model(
         return rules
     _judge_size(found, scene, asset, progress)
     return found.book
+
+
+def _by_clip(
+    scene: Scene,
+    source: Source,
+    asset: Asset,
+    parts: Parts,
+    rules: MaterialBook,
+    pictures: Path,
+    progress: Progress,
+) -> MaterialBook:
+    """The materials that CLIP sees in the pictures that a language model would be shown."""
+    from phys4dgen.materials.clip_names import identify_by_clip
+    from phys4dgen.stages.naming import clip_encoder
+
+    encoder = clip_encoder(scene)
+    shown = pictures_for_model(source, asset, parts, pictures)
+    alone = {number: _decoded(shown.crops[letter]) for number, letter in shown.letters.items()}
+    progress.update(0, 1, "parts compared with the materials of the library")
+    return identify_by_clip(parts.names, rules, alone, encoder)
+
+
+def _by_command(scene: Scene, parts: Parts, rules: MaterialBook, run: Path, progress: Progress) -> MaterialBook:
+    """The materials that a program of the user names."""
+    from phys4dgen.materials.command import identify_by_command
+
+    wanted = scene.materials
+    return identify_by_command(
+        run, parts.names, rules, wanted.argv, timeout_s=wanted.timeout_s,
+        on_wait=lambda passed_s: progress.update(passed_s, wanted.timeout_s, "seconds of what the command may take"),
+    )  # fmt: skip
+
+
+def _decoded(png: bytes) -> NDArray[np.uint8]:
+    return np.asarray(Image.open(BytesIO(png)).convert("RGB"))
 
 
 def _judge_size(found: Identification, scene: Scene, asset: Asset, progress: Progress) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -145,3 +146,13 @@ class Grouping(Section):
         if len(set(self.names.values())) != len(self.names):
             raise ValueError(f"names: every part needs its own name, got {list(self.names.values())}")
         return self
+
+    def with_paths_from(self, folder: Path) -> Grouping:
+        """A copy whose relative paths are taken from ``folder``."""
+        changed: dict[str, Any] = {"sam2": self.sam2.with_paths_from(folder)}
+        if self.labels_file is not None:
+            changed["labels_file"] = folder / self.labels_file
+        if (named := self.named_picture) is not None:
+            paths = {"picture": folder / named.picture, "segments": folder / named.segments}
+            changed["named_picture"] = named.model_copy(update=paths)
+        return self.model_copy(update=changed)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
@@ -13,7 +14,22 @@ __all__ = ["Clip", "Sam2"]
 Weights = Annotated[str, Field(min_length=1, max_length=1024)]
 
 
-class Sam2(Section):
+class _Checkpoint(Section):
+    """Weights that are named by a folder or an id."""
+
+    weights: Weights
+
+    def with_paths_from(self, folder: Path) -> Self:
+        """A copy whose weights, where they are a folder there, are taken from ``folder``; an id stays as it is."""
+        found = (folder / Path(self.weights).expanduser()).is_dir()
+        return (
+            self.model_copy(update={"weights": (folder / Path(self.weights).expanduser()).as_posix()})
+            if found
+            else self
+        )
+
+
+class Sam2(_Checkpoint):
     """Segment Anything 2 over the views (Paper: Sec. 3.2)."""
 
     weights: Weights = "facebook/sam2.1-hiera-tiny"
@@ -28,7 +44,7 @@ class Sam2(Section):
     """of the grid of prompts in a key view; more find smaller parts"""
 
 
-class Clip(Section):
+class Clip(_Checkpoint):
     """CLIP, which joins pictures and words (Paper: Sec. 3.4)."""
 
     weights: Weights = "openai/clip-vit-base-patch16"
