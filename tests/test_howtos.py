@@ -41,6 +41,14 @@ def build_duck(path):
     trimesh.creation.capsule(height=1, radius=0.5).export(path)
 
 
+def write_physgaussian(folder):
+    """A configuration and a model of PhysGaussian."""
+    place = folder / "model" / "point_cloud" / "iteration_30000"
+    place.mkdir(parents=True)
+    save_gaussians(bundled("rubber_duck").gaussians, place / "point_cloud.ply")
+    (folder / "config.json").write_text('{"material": "jelly", "E": 1e5, "nu": 0.4, "g": [0, 0, -9.8]}')
+
+
 def test_there_are_six_pages_with_commands():
     assert len(HOWTOS) >= 6
     assert all(commands(page) for page in HOWTOS)
@@ -53,6 +61,8 @@ def test_the_commands_of_a_page_work(page, tmp_path):
         save_gaussians(bundled("potted_flower").gaussians, tmp_path / "plant.ply")
     if any("duck.png" in line for line in lines):
         draw_duck(tmp_path / "duck.png")
+    if any("import-physgaussian" in line for line in lines):
+        write_physgaussian(tmp_path)
     if any("duck.glb" in line for line in lines):
         build_duck(tmp_path / "duck.glb")
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
