@@ -258,7 +258,7 @@ def test_a_ball_is_carved_with_its_volume(sphere):
     grid = VoxelGrid.around(center_up - 1.1 * RADIUS, center_up + 1.1 * RADIUS, side, padding=2)
     solid = carve(grid, DepthLimits(views, dilate=True), rotation)
     index = np.argwhere(solid)
-    share = solid_share(grid, index, DepthLimits(views, dilate=False), rotation)
+    share = solid_share(grid, index, DepthLimits(views, dilate=False).contains, rotation)
     volume = 4 / 3 * np.pi * RADIUS**3
     np.testing.assert_allclose(share.sum() * side**3, volume, rtol=0.05)
     distance = np.linalg.norm(grid.centers(index) - center_up, axis=1)

@@ -8,6 +8,7 @@ Made robust as PHYSICS.md 4.2 and 4.5b measured: the mask is dilated by one pixe
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -18,7 +19,10 @@ from scipy.ndimage import grey_opening, minimum_filter
 from phys4dgen.interior.voxels import VoxelGrid
 from phys4dgen.types import Views
 
-__all__ = ["DepthLimits", "carve", "solid_share"]
+__all__ = ["DepthLimits", "InsideTest", "carve", "solid_share"]
+
+InsideTest = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+"""Whether points [P, 3] (input axes) lie inside the object, [P]."""
 
 _MASK_ALPHA = 0.5
 _CHUNK = 65536
@@ -58,6 +62,10 @@ class DepthLimits:
         shown = (np.where(views.alpha[k] > _MASK_ALPHA, views.depth[k], np.float32(np.inf)) for k in number)
         self._limits = np.stack([minimum_filter(limit, 3) if dilate else grey_opening(limit, 3) for limit in shown])
 
+    def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Points [P, 3] (input axes) that no view sees through or in front of, to a pixel's accuracy, [P]."""
+        return self.behind_all(points, tolerance=0.0)
+
     def behind_all(self, points: NDArray[np.float64], *, tolerance: float) -> NDArray[np.bool_]:
         """Points [P, 3] (input axes) that no view sees through or in front of the surface, [P].
 
@@ -87,14 +95,13 @@ def carve(grid: VoxelGrid, limits: DepthLimits, rotation: NDArray[np.float64]) -
 
 
 def solid_share(
-    grid: VoxelGrid, index: NDArray[np.int64], limits: DepthLimits, rotation: NDArray[np.float64]
+    grid: VoxelGrid, index: NDArray[np.int64], inside: InsideTest, rotation: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Share of each voxel's volume that lies behind the surface, from 3 x 3 x 3 points without tolerance, [V].
+    """Share of each voxel's volume that lies inside, from 3 x 3 x 3 points, [V].
 
     The tolerance that keeps carving robust makes a body half a voxel fatter; this is the correction for its volume.
-    The limits are sharp here: one pixel more on all sides is a quarter of a voxel, which a wall of a few voxels feels.
+    The test must be sharp: one pixel more on all sides is a quarter of a voxel, which a wall of a few voxels feels.
     """
     steps = (np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), -1).reshape(-1, 3)) / 3
     points = grid.centers(index)[:, None] + steps * grid.side
-    inside = limits.behind_all(points.reshape(-1, 3) @ rotation, tolerance=0.0)
-    return inside.reshape(len(index), len(steps)).mean(1)
+    return inside(points.reshape(-1, 3) @ rotation).reshape(len(index), len(steps)).mean(1)

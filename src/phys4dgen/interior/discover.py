@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from phys4dgen.errors import StageError
 from phys4dgen.interior.bridge import BridgeReport, bridge_pieces
-from phys4dgen.interior.carve import DepthLimits
+from phys4dgen.interior.carve import InsideTest
 from phys4dgen.interior.gaussian_particles import gaussians_as_particles
 from phys4dgen.interior.groups import particle_groups
 from phys4dgen.interior.hollow import hollowed
@@ -22,7 +22,7 @@ from phys4dgen.interior.labels import label_cells
 from phys4dgen.interior.normals import seen_from
 from phys4dgen.interior.ownership import fill_vessel, part_of_particles
 from phys4dgen.interior.populate import LINK, populate
-from phys4dgen.interior.solid import Method, find_solid
+from phys4dgen.interior.solid import Method, find_solid, known_solid
 from phys4dgen.interior.thickness import with_thickness
 from phys4dgen.interior.voxels import VoxelGrid
 from phys4dgen.types import SOLID, Continuum, Frame, Gaussians, Parts, Views
@@ -39,9 +39,10 @@ class Interior:
         bridges: what bridging did.
         solid_voxels: number of solid voxels.
         agreement: IoU of the carved and the dense solid, of the carved and the wound one where that was asked for: a
-            figure of quality.
-        density_threshold: that was used on the accumulated opacity.
+            figure of quality; NaN where the inside was known.
+        density_threshold: that was used on the accumulated opacity; NaN where the inside was known.
         loose_particles: left out, because they hang in the air: their Gaussians are carried by the nearest body.
+        backend: what told the inside, for the report.
     """
 
     continuum: Continuum
@@ -50,6 +51,7 @@ class Interior:
     agreement: float
     density_threshold: float
     loose_particles: int
+    backend: str
 
 
 def discover_interior(
@@ -67,6 +69,7 @@ def discover_interior(
     method: Method = "ipsd",
     hollow_m: Mapping[int, float] | None = None,
     gaussian_particles: bool = False,
+    known: InsideTest | None = None,
 ) -> Interior:
     """Find the solid that the Gaussians enclose and fill it with particles.
 
@@ -86,6 +89,8 @@ def discover_interior(
             what the two agree on; ``none`` leaves bodies a skin of one layer (the paper's ablation).
         hollow_m: wall thickness by part number of parts that are hollow: what lies deeper is left empty.
         gaussian_particles: the Gaussians themselves are the particles, as in the paper.
+        known: the exact inside, where the maker of the object knows it; it stands for ``method``, and every Gaussian is
+            taken to lie in the surface.
 
     Raises:
         StageError: nothing solid was found.
@@ -94,7 +99,10 @@ def discover_interior(
     side = cell * spacing_cells
     lower, upper = gaussians.robust_bounds(rotation=rotation)
     grid = VoxelGrid.around(lower - 0.03 * (upper - lower).max(), upper + 0.03 * (upper - lower).max(), side, padding=2)
-    reading = find_solid(gaussians, views, grid=grid, rotation=rotation, method=method)
+    if known is None:
+        reading = find_solid(gaussians, views, grid=grid, rotation=rotation, method=method)
+    else:
+        reading = known_solid(gaussians, known, grid=grid, rotation=rotation)
     if not reading.solid.any():
         raise StageError(
             f"Interior: no solid was found on a grid of {side:.4g} units; expected the views to show an object with"
@@ -102,7 +110,9 @@ def discover_interior(
         )
     solid, bridges, bridge_report = bridge_pieces(reading.solid)
 
-    surface, labels = _surface(gaussians, parts, views, tolerance=side)
+    surface, labels = gaussians, parts.labels
+    if known is None:
+        surface, labels = _surface(gaussians, parts, views, tolerance=side)
     cells = VoxelGrid.around(lower, upper, float((upper - lower).max()) / label_grid, padding=1)
     valid = np.zeros(cells.shape, bool)
     valid[tuple(cells.index_of(grid.centers(np.argwhere(solid))).T)] = True
@@ -118,7 +128,7 @@ def discover_interior(
         solid,
         bridges & solid,
         grid=grid,
-        surface=DepthLimits(views, dilate=False, chosen=reading.judges),
+        inside=reading.inside,
         frame=frame,
         skin_only=method == "none",
     )
@@ -149,7 +159,15 @@ def discover_interior(
         continuum = gaussians_as_particles(
             gaussians, parts.labels, continuum, labelled=labelled, frame=frame, cell=cell
         )
-    return Interior(continuum, bridge_report, int(solid.sum()), reading.agreement, reading.density_threshold, loose)
+    return Interior(
+        continuum,
+        bridge_report,
+        int(solid.sum()),
+        reading.agreement,
+        reading.density_threshold,
+        loose,
+        reading.backend,
+    )
 
 
 def _surface(

@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.interior.carve import DepthLimits, solid_share
+from phys4dgen.interior.carve import InsideTest, solid_share
 from phys4dgen.interior.groups import body_surface, particle_groups
 from phys4dgen.interior.links import link_groups
 from phys4dgen.interior.measure import GaussianCloud, covered_share, is_stout, measure_rods, measure_sheets
@@ -40,7 +40,7 @@ def populate(
     bridges: NDArray[np.bool_],
     *,
     grid: VoxelGrid,
-    surface: DepthLimits,
+    inside: InsideTest,
     frame: Frame,
     skin_only: bool = False,
 ) -> tuple[Seeds, int]:
@@ -51,7 +51,7 @@ def populate(
         solid: solid voxels, ``grid.shape``.
         bridges: those of them that stand for gaps of the capture.
         grid: voxels in upright axes.
-        surface: depth limits of the rendered views, sharp.
+        inside: whether points lie inside the object, sharp.
         frame: input coordinates -> metres.
         skin_only: thick bodies are their outermost layer of voxels.
 
@@ -86,7 +86,7 @@ def populate(
     rods, width, width_measured = rods.where(~flat, rods.extent), np.minimum(width[~flat], 4.0), width_measured[~flat]
 
     kept = thick & outermost_layer(solid) if skin_only else thick
-    body, body_share = _solid_voxels(kept, solid, surface, grid, frame.rotation)
+    body, body_share = _solid_voxels(kept, solid, inside, grid, frame.rotation)
     outer, body_number = body_surface(body)
     others = len(sheets) + len(rods)
     links, link_width = link_groups(
@@ -113,7 +113,7 @@ def populate(
 def _solid_voxels(
     thick: NDArray[np.bool_],
     solid: NDArray[np.bool_],
-    surface: DepthLimits,
+    inside: InsideTest,
     grid: VoxelGrid,
     rotation: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -121,7 +121,7 @@ def _solid_voxels(
     index = np.argwhere(thick)
     share = np.ones(len(index))
     rim = outermost_layer(solid, layers=_SURFACE_LAYERS)[tuple(index.T)]
-    share[rim] = np.clip(solid_share(grid, index[rim], surface, rotation), _LEAST_SHARE, 1)
+    share[rim] = np.clip(solid_share(grid, index[rim], inside, rotation), _LEAST_SHARE, 1)
     return index, share
 
 

@@ -32,6 +32,8 @@ class Reconstruction:
         picture: the cut-out in the canonical frame, straight sRGB and opacity, shape [S, S, 4], float32.
         backend: what made it, for the report; says "stand-in" where it is one.
         solid: exact inside test, or None where the generator knows a surface only.
+        even_colors: colours of the Gaussians as if light came from everywhere, in which parts of one material look
+            alike, shape [N, 3]; None where the generator cannot tell light from colour.
         warnings: what may be wrong, one sentence each.
         facts: figures for the report.
     """
@@ -41,6 +43,7 @@ class Reconstruction:
     picture: NDArray[np.float32] | None
     backend: str
     solid: Solid | None = None
+    even_colors: NDArray[np.float32] | None = None
     warnings: tuple[str, ...] = ()
     facts: dict[str, float] = field(default_factory=dict)
 

@@ -129,6 +129,7 @@ def write_interior(run: RunFolder, interior: Interior, *, settled: Continuum) ->
         "agreement": interior.agreement,
         "density_threshold": interior.density_threshold,
         "loose_particles": interior.loose_particles,
+        "backend": interior.backend,
         **{f"bridges_{name}": value for name, value in asdict(interior.bridges).items()},
     }
     run.write_npz(run.continuum_npz, {name: np.asarray(value) for name, value in {**particles, **facts}.items()})
@@ -149,6 +150,7 @@ def read_interior(run: RunFolder) -> Interior:
         agreement=arrays["agreement"].item(),
         density_threshold=arrays["density_threshold"].item(),
         loose_particles=arrays["loose_particles"].item(),
+        backend=arrays["backend"].item(),
     )
 
 

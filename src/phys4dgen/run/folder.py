@@ -51,6 +51,7 @@ class RunFolder:
         self.cutout_png = self.root / "reconstruct" / "cutout.png"
         self.source_json = self.root / "reconstruct" / "source.json"
         self.solid_npz = self.root / "reconstruct" / "solid.npz"
+        self.even_light_npz = self.root / "reconstruct" / "even_light.npz"
         self.views = self.root / "views"
         self.cameras_json = self.views / "cameras.json"
         self.parts_png = self.root / "parts.png"

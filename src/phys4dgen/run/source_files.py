@@ -39,6 +39,8 @@ def write_source(run: RunFolder, source: Source) -> None:
     run.write_json(run.source_json, facts)
     if source.solid is not None:
         run.write_npz(run.solid_npz, source.solid.arrays())
+    if source.even_colors is not None:
+        run.write_npz(run.even_light_npz, {"colors": source.even_colors})
 
 
 def read_source(run: RunFolder, scene: Scene) -> Source:
@@ -57,6 +59,10 @@ def read_source(run: RunFolder, scene: Scene) -> Source:
     if run.solid_npz.is_file():
         with np.load(run.solid_npz, allow_pickle=False) as arrays:
             solid = InflatedSolid.from_arrays(dict(arrays))
+    even_colors = None
+    if run.even_light_npz.is_file():
+        with np.load(run.even_light_npz, allow_pickle=False) as arrays:
+            even_colors = arrays["colors"]
     return Source(
         load_gaussians(run.gaussians_ply),
         facts["backend"],
@@ -64,4 +70,5 @@ def read_source(run: RunFolder, scene: Scene) -> Source:
         picture=None if cutout.alpha is None else np.concatenate([cutout.rgb, cutout.alpha[..., None]], -1),
         camera=camera,
         solid=solid,
+        even_colors=even_colors,
     )

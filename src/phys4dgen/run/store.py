@@ -255,7 +255,7 @@ class RunStore:
     def _read_interior(self, _record: StageRecord | None = None) -> Recalled:
         interior = read_interior(self.run)
         self.counts["particles"] = len(interior.continuum)
-        self.backends["interior"] = "carving and density"
+        self.backends["interior"] = interior.backend
         return lambda: interior, interior_products(interior.continuum)
 
     def _keep_materials(self, book: MaterialBook) -> Recalled:

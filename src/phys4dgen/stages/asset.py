@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,8 @@ from phys4dgen.progress import Progress
 from phys4dgen.reconstruct.reconstruction import Solid
 from phys4dgen.scene import Scene
 from phys4dgen.stages.reconstruct import Source
-from phys4dgen.stages.resolution import FINE_GRID, automatic_grid
-from phys4dgen.types import Frame, Gaussians, rotation_to_z_up
+from phys4dgen.stages.resolution import FINE_GRID, MOST_PARTICLES, MOST_PARTICLES_OF_A_GUESS, automatic_grid
+from phys4dgen.types import SH_C0, Camera, Frame, Gaussians, rotation_to_z_up
 from phys4dgen.upright import guess_up
 
 __all__ = ["Asset", "load"]
@@ -29,6 +29,8 @@ class Asset:
         lower, upper: robust box in upright axes, input units, [3].
         cell: grid cell dx of the simulation, input units.
         solid: exact inside test, where the object was made from a picture that gave one; else None.
+        camera: of the picture that the object was made from, where it is known; else None.
+        even_colors: colours of the Gaussians freed of the picture's light, where they are known; else None.
     """
 
     gaussians: Gaussians
@@ -37,6 +39,15 @@ class Asset:
     upper: NDArray[np.float64]
     cell: float
     solid: Solid | None = None
+    camera: Camera | None = None
+    even_colors: NDArray[np.float32] | None = None
+
+    @property
+    def evenly_lit(self) -> Gaussians:
+        """The Gaussians as light from everywhere would show them, as far as that is known: one material, one colour."""
+        if self.even_colors is None:
+            return self.gaussians
+        return replace(self.gaussians, sh=((self.even_colors - 0.5) / SH_C0)[:, None])
 
     @property
     def grid(self) -> int:
@@ -71,10 +82,20 @@ def load(scene: Scene, source: Source, progress: Progress) -> Asset:
     frame = Frame(rotation, float(metres_per_unit))
     grid = scene.simulation.grid
     if isinstance(grid, str):
-        grid = automatic_grid(gaussians, rotation=rotation)
+        enough = MOST_PARTICLES if source.solid is None else MOST_PARTICLES_OF_A_GUESS
+        grid = automatic_grid(gaussians, rotation=rotation, most_particles=enough)
         if grid < FINE_GRID:
             progress.note(f"Grid of {grid} cells: filled finer, so massive an object would take very long (--grid N).")
-    return Asset(gaussians, frame, lower, upper, float(extent.max()) / grid, source.solid)
+    return Asset(
+        gaussians,
+        frame,
+        lower,
+        upper,
+        float(extent.max()) / grid,
+        solid=source.solid,
+        camera=source.camera,
+        even_colors=source.even_colors,
+    )
 
 
 def _up_vector(scene: Scene, source: Source, progress: Progress) -> NDArray[np.float64]:

@@ -18,7 +18,8 @@ def fill(scene: Scene, asset: Asset, parts: Parts, progress: Progress) -> Interi
     """Find the inside and fill it with particles (Paper: Sec. 3.3)."""
     wanted = scene.interior
     spacing = 0.5 if isinstance(wanted.spacing, str) else wanted.spacing
-    views = rendered(asset, "carve", 640, progress)
+    known = asset.solid.contains if asset.solid is not None and wanted.method == "auto" else None
+    views = rendered(asset, "carve", 640, progress) if known is None else rendered(asset, "object", 256, progress)
     hollow = _hollow_walls(scene, parts)
     walls = {number: wall for number, wall in _given_thickness(scene, parts).items() if number not in hollow}
     interior = discover_interior(
@@ -32,9 +33,10 @@ def fill(scene: Scene, asset: Asset, parts: Parts, progress: Progress) -> Interi
         confidence=wanted.confidence,
         max_cells_per_gaussian=wanted.max_particles_per_gaussian,
         wall_m=walls,
-        method=wanted.method,
+        method="ipsd" if wanted.method == "auto" else wanted.method,
         hollow_m=hollow,
         gaussian_particles=wanted.particles == "gaussians",
+        known=known,
     )
     found = interior.bridges
     progress.note(

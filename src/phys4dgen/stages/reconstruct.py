@@ -32,6 +32,7 @@ class Source:
         picture: the picture cut out and framed, straight sRGB and opacity, shape [S, S, 4]; None for a splat.
         camera: that sees the Gaussians as ``picture``.
         solid: exact inside test, where the maker knows it.
+        even_colors: colours freed of the picture's light, shape [N, 3], where the maker knows them.
     """
 
     gaussians: Gaussians
@@ -40,6 +41,7 @@ class Source:
     picture: NDArray[np.float32] | None = None
     camera: Camera | None = None
     solid: InflatedSolid | None = None
+    even_colors: NDArray[np.float32] | None = None
 
 
 def reconstruct(scene: Scene, progress: Progress) -> Source:
@@ -77,6 +79,7 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
         picture=made.picture,
         camera=made.camera,
         solid=solid,
+        even_colors=made.even_colors,
     )
 
 

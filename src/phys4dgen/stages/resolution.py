@@ -8,30 +8,36 @@ from scipy.ndimage import binary_closing, binary_fill_holes, generate_binary_str
 
 from phys4dgen.types import Gaussians
 
-__all__ = ["FINE_GRID", "automatic_grid", "estimated_particles"]
+__all__ = ["FINE_GRID", "MOST_PARTICLES", "MOST_PARTICLES_OF_A_GUESS", "automatic_grid", "estimated_particles"]
 
 FINE_GRID = 64
 """Cells along the longest side at which plants were judged (MOTION.md)."""
 
+MOST_PARTICLES = 120_000
+"""A drop of two seconds then takes a few minutes on two cores."""
+
+MOST_PARTICLES_OF_A_GUESS = 50_000
+"""The same in a minute: enough where the shape behind the picture is guessed from its outline."""
+
 _COARSE_GRID = 24
-_MOST_PARTICLES = 120_000  # a drop of two seconds then takes a few minutes on two cores
 _ESTIMATE_CELLS = 48
 _PARTICLES_PER_CELL = 8
 _MARGIN_CELLS = 3
 _LEAST_OPACITY = 0.1
 
 
-def automatic_grid(gaussians: Gaussians, *, rotation: NDArray[np.float64]) -> int:
+def automatic_grid(gaussians: Gaussians, *, rotation: NDArray[np.float64], most_particles: int = MOST_PARTICLES) -> int:
     """Cells along the longest side: 64, or fewer where the object is so massive that it would be filled for ever.
 
     Args:
         gaussians: the object.
         rotation: input axes -> upright axes, [3, 3].
+        most_particles: about how many are enough.
     """
     wanted = estimated_particles(gaussians, rotation=rotation, grid=FINE_GRID)
-    if wanted <= _MOST_PARTICLES:
+    if wanted <= most_particles:
         return FINE_GRID
-    return max(_COARSE_GRID, int(FINE_GRID * (_MOST_PARTICLES / wanted) ** (1 / 3)))
+    return max(_COARSE_GRID, int(FINE_GRID * (most_particles / wanted) ** (1 / 3)))
 
 
 def estimated_particles(gaussians: Gaussians, *, rotation: NDArray[np.float64], grid: int) -> float:

@@ -40,6 +40,11 @@ class Camera:
         """Camera centre in input coordinates, shape [3]."""
         return -self.viewmat[:3, :3].T @ self.viewmat[:3, 3]
 
+    def resized(self, width: int, height: int) -> Camera:
+        """The camera whose picture shows the same section in other pixels."""
+        K = np.diag([width / self.width, height / self.height, 1]) @ self.K
+        return Camera(viewmat=self.viewmat, K=K, width=width, height=height)
+
     def project(self, points: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pixel coordinates [N, 2] and depth along the optical axis [N] of points [N, 3]."""
         camera_points = np.asarray(points, np.float64) @ self.viewmat[:3, :3].T + self.viewmat[:3, 3]

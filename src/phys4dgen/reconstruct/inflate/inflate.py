@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from phys4dgen.reconstruct.foreground import Cutout
 from phys4dgen.reconstruct.framing import CAMERA_DISTANCE, FILL, HALF_HEIGHT, canonical_camera, framed, longest_side
+from phys4dgen.reconstruct.inflate.even_light import evenly_lit
 from phys4dgen.reconstruct.inflate.gaussians import oriented_gaussians
 from phys4dgen.reconstruct.inflate.paint import painted
 from phys4dgen.reconstruct.inflate.perspective import InflatedSolid, Perspective
@@ -57,7 +58,8 @@ def inflate(cutout: Cutout, options: InflateOptions = InflateOptions()) -> Recon
     outline = silhouette(picture[..., 3])
     front_rgb = _without_fringe(picture[..., :3], outline.mask)
     body = thickness(outline, front_rgb, gain=options.thickness)
-    relief_front, relief_back = relief(color_segments(front_rgb, outline.mask), outline.mask)
+    segments = color_segments(front_rgb, outline.mask)
+    relief_front, relief_back = relief(segments, outline.mask)
     fade = np.clip(body.height / (0.06 * size), 0, 1)
     both = walls(
         outline,
@@ -68,6 +70,8 @@ def inflate(cutout: Cutout, options: InflateOptions = InflateOptions()) -> Recon
     points = surface_points(both, outline.mask)
     perspective = Perspective(_bend(body, outline), _horizon_row(outline), outline.tilt)
     colors = painted(points, front_rgb, outline=outline, body=body)
+    even_rgb = evenly_lit(front_rgb, outline.mask, height=body.height, segments=segments)
+    even_colors = painted(points, even_rgb, outline=outline, body=body)
     gaussians, normals = oriented_gaussians(points, perspective)
     camera = canonical_camera(size, horizon=perspective.horizon, upright=perspective.upright)
     to_camera = camera.position - gaussians.means
@@ -88,6 +92,7 @@ def inflate(cutout: Cutout, options: InflateOptions = InflateOptions()) -> Recon
         picture,
         "inflate (stand-in)",
         solid=InflatedSolid.of(both, perspective),
+        even_colors=even_colors.astype(np.float32),
         warnings=(*cutout.warnings, _WARNING),
         facts={
             "working_side_px": float(size),
