@@ -181,7 +181,7 @@ def test_any_scatter_of_gaussians_gives_a_valid_tree(n: int, seed: int):
     eyes = rng.normal(size=(4, 3)) * 10
     surface = SurfaceColor(rgb=rng.uniform(size=(n, 3)), seen=rng.uniform(size=(n, 4)) < 0.7, eyes=eyes)
     patches = supervoxels(gaussians, surface, np.arange(n), radius=2.0, count=30)
-    tree = merge_tree(patch_graph(patches, surface.seen.any(1)))
+    tree = merge_tree(patch_graph(patches, gaussians.means, surface.seen.any(1), radius=2.0))
     alive = set(range(len(tree.graph)))
     for kept, absorbed in zip(tree.kept, tree.absorbed, strict=True):
         assert kept in alive and absorbed in alive and kept != absorbed

@@ -94,7 +94,7 @@ def appearance_tree(
         )
     patches = supervoxels(gaussians, surface, core, radius=radius)
     progress.update(steps - 1, steps, "views and steps")
-    tree = merge_tree(patch_graph(patches, surface.seen.max(1)))
+    tree = merge_tree(patch_graph(patches, gaussians.means, surface.seen.max(1), radius=radius))
     progress.update(steps, steps, "views and steps")
     return tree
 

@@ -14,7 +14,7 @@ __all__ = ["LEVEL", "MAX_PARTS", "cut_tree"]
 
 MAX_PARTS = 60
 """No cut gives more parts than this."""
-LEVEL = 15.5
+LEVEL = 12.0
 """Merges within a part cost less, merges of two parts more; docs/grouping.md says on which objects it was chosen."""
 _MIN_AREA = 0.004
 """A region smaller than this share of the surface is a crumb and joins the part nearest in colour."""

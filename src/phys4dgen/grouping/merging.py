@@ -2,9 +2,9 @@
 
 First neighbouring patches are joined by Ward's criterion (J. Ward, "Hierarchical Grouping to Optimize an Objective
 Function", 1963) until a few hundred are left; then any two regions may join, cheapest pair first. The cost of a pair
-grows with the difference of colour and of texture, with the contrast along the common border and with a concave crease
-there, and slowly with the size of the smaller one. Regions that do not touch may join too: the petals of a flower, the
-two halves of a bun.
+grows with the difference of colour and of texture, with the contrast along the common border, with a concave crease and
+a narrow neck there, and slowly with the size of the smaller one. It shrinks where two regions are interlaced, as the
+stripes of a scarf are. Regions that do not touch may join too: the petals of a flower, the two halves of a bun.
 """
 
 from __future__ import annotations
@@ -31,7 +31,13 @@ class CostWeights(NamedTuple):
         texture: weight of the difference of spreads, squared, beside that of the means.
         border: share of the contrast along the common border in the distance of touching regions.
         crease: how much a full concave crease adds to the distance.
+        fold: colour difference that a full concave crease is worth by itself.
+        neck: colour difference that touching in a single point is worth by itself, for large regions.
+        neck_width: contact, over the side of the smaller region, from which there is no neck.
+        neck_area: share of the surface from which a region is large.
+        interlaced: power by which a border longer than a compact region has makes two regions one.
         apart: factor for regions that do not touch.
+        unequal: how much regions of unequal size that do not touch are less one part, by the logarithm of the ratio.
         area_reference: share of the surface at which the size of the pair neither hinders nor helps.
         area_power: how slowly the cost grows with the size of the pair.
         area_factor_max: largest factor for size.
@@ -40,7 +46,13 @@ class CostWeights(NamedTuple):
     texture: float = 0.25
     border: float = 0.4
     crease: float = 0.5
+    fold: float = 20.0
+    neck: float = 10.0
+    neck_width: float = 0.35
+    neck_area: float = 0.02
+    interlaced: float = 1.0
     apart: float = 1.1
+    unequal: float = 0.05
     area_reference: float = 0.05
     area_power: float = 0.18
     area_factor_max: float = 1.5
@@ -83,7 +95,7 @@ def tree_from_arrays(arrays: Mapping[str, NDArray[Any]], gaussian_count: int) ->
     numbers_fit = (
         graph.patch.shape == graph.visible.shape == (gaussian_count,)
         and graph.visible.dtype == np.bool_
-        and graph.feature.shape == (count, 4)
+        and graph.feature.shape == (count, 5)
         and graph.spread.shape == (count, 3)
         and graph.touching.ndim == 2
         and all(len(array) == len(graph.touching) for array in (graph.border, graph.crease))
@@ -147,10 +159,13 @@ class _Regions:
         contrast = np.linalg.norm(self.feature[i] - self.feature[j], axis=1)
         for table, values in ((self.border, 1), (self.contrast, contrast), (self.crease, graph.crease)):
             table[i, j] = table[j, i] = graph.border * values
+        # Neighbour pairs around a compact region whose area is the whole surface's.
+        around = self.border.sum(1)
+        self.side = float(np.median(around[around > 0]) / np.sqrt(np.median(graph.area))) if around.any() else 1.0
 
     def ward_cost(self, i: int) -> NDArray[np.float64]:
         """Growth of the variance within regions if one joins region i, touching ones only; shape [S]."""
-        square = ((self.feature - self.feature[i]) ** 2).sum(1)
+        square = ((self.feature - self.feature[i]) ** 2).sum(1) + self._fold(i) ** 2
         cost = square * self.area[i] * self.area / (self.area[i] + self.area)
         return self._allowed(np.where(self.border[i] > 0, cost, np.inf), i)
 
@@ -160,13 +175,28 @@ class _Regions:
         color = ((self.feature - self.feature[i]) ** 2).sum(1)
         texture = ((self.spread - self.spread[i]) ** 2).sum(1)
         distance = np.sqrt(color + w.texture * texture)
-        length = np.maximum(self.border[i], 1)  # in neighbour pairs, so never between 0 and 1
+        length = self._length(i)
         touching = (1 - w.border) * distance + w.border * self.contrast[i] / length
         touching *= 1 + w.crease * self.crease[i] / length
-        distance = np.where(self.border[i] > 0, touching, w.apart * distance)
+        smaller = np.minimum(self.area[i], self.area)
+        contact = self.border[i] / (self.side * np.sqrt(smaller))  # over the side of a compact region of that area
+        neck = w.neck * np.clip(1 - contact / w.neck_width, 0, 1)
+        large = np.minimum(smaller / w.neck_area, 1)
+        touching = np.sqrt(touching**2 + self._fold(i) ** 2 + large * neck**2)
+        touching /= np.maximum(contact, 1) ** w.interlaced
+        apart = w.apart * distance * (1 + w.unequal * np.abs(np.log(self.area / self.area[i])))
+        distance = np.where(self.border[i] > 0, touching, apart)
         common = self.area[i] * self.area / (self.area[i] + self.area)
         size = np.minimum((common / w.area_reference) ** w.area_power, w.area_factor_max)
         return self._allowed(distance * size, i)
+
+    def _length(self, i: int) -> NDArray[np.float64]:
+        """Border with region i in neighbour pairs, 1 where there is none; shape [S]."""
+        return np.maximum(self.border[i], 1)  # never between 0 and 1
+
+    def _fold(self, i: int) -> NDArray[np.float64]:
+        """What the concave crease on the border with region i is worth in units of colour; shape [S]."""
+        return self.weights.fold * np.clip(self.crease[i] / self._length(i), 0, 1)
 
     def join(self, i: int, j: int) -> None:
         """Add region j to region i."""

@@ -1,7 +1,8 @@
 """Patches of the surface in numbers that say how alike they are, freed of light and shade as far as colour allows.
 
-Under more or less of the same light L + 16, a and b of CIELAB grow and shrink by one factor. Lightness therefore counts
-half, and a and b are divided by it: a pot and its shaded side then differ in one number out of three.
+What the light explains is taken out first (``lighting``). Under more or less of the same light L + 16, a and b of
+CIELAB grow and shrink by one factor; lightness therefore counts half, and a and b are divided by it: a pot and a
+shadow on it then differ in one number out of three.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from phys4dgen.grouping.lighting import unlit
+from phys4dgen.grouping.roundness import rod_likeness
 from phys4dgen.grouping.supervoxels import LIGHTNESS_WEIGHT, Supervoxels
 
 __all__ = ["PatchGraph", "patch_graph"]
@@ -20,6 +23,8 @@ _CHROMA_OFFSET = 70.0
 the offset the noise of dark colours would count most."""
 _THINNESS = 22.0
 """Units of colour that a leaf and a solid of one colour lie apart."""
+_RODNESS = 25.0
+"""Units of colour that a stalk and a leaf of one colour lie apart."""
 _CREASE_FREE = 0.15
 """Concavity that curved surfaces have anyway."""
 
@@ -32,7 +37,8 @@ class PatchGraph:
         patch: patch of every Gaussian that is visible surface, -1 elsewhere, shape [N].
         visible: seen in at least one view, faint ones too, shape [N].
         area: share of the surface, shape [S].
-        feature: mean colour (half the lightness, a and b freed of shading) and weighted thinness, shape [S, 4].
+        feature: mean colour (half the lightness, a and b freed of shading), weighted thinness and weighted likeness to
+            a rod, shape [S, 5].
         spread: standard deviation of the colour, shape [S, 3].
         touching: pairs of patches with a common border, the lower number first, shape [E, 2].
         border: length of that border in neighbour pairs, shape [E].
@@ -68,24 +74,30 @@ class PatchGraph:
         )
 
 
-def patch_graph(patches: Supervoxels, visible: NDArray[np.bool_]) -> PatchGraph:
+def patch_graph(
+    patches: Supervoxels, means: NDArray[np.float32], visible: NDArray[np.bool_], *, radius: float
+) -> PatchGraph:
     """What merging needs to know of the patches.
 
     Args:
         patches: S patches of the visible surface.
-        visible: which of the N Gaussians at least one view sees, shape [N].
+        means: centres of the N Gaussians, shape [N, 3].
+        visible: which of them at least one view sees, shape [N].
+        radius: half the object's diagonal, input units.
     """
     patch_of_gaussian = np.full(len(visible), -1, np.int32)
     patch_of_gaussian[patches.core] = patches.patch
     first, second = np.nonzero(np.triu(patches.border))
-    lightness = patches.mean[:, :1] / LIGHTNESS_WEIGHT
+    color = unlit(patches)
+    lightness = color[:, :1] / LIGHTNESS_WEIGHT
     unshaded = (50 + _CHROMA_OFFSET) / (lightness + _CHROMA_OFFSET)  # 1 at middle lightness
-    thinness = _THINNESS * patches.thinness[:, None]
+    thinness = _THINNESS * patches.thinness
+    rod = _RODNESS * rod_likeness(patches, means[patches.core].astype(np.float64), radius=radius)
     return PatchGraph(
         patch=patch_of_gaussian,
         visible=visible,
         area=patches.area,
-        feature=np.concatenate([patches.mean[:, :1], patches.mean[:, 1:] * unshaded, thinness], 1),
+        feature=np.concatenate([color[:, :1], color[:, 1:] * unshaded, np.stack([thinness, rod], 1)], 1),
         spread=patches.spread,
         touching=np.stack([first, second], 1).astype(np.int32),
         border=patches.border[first, second],

@@ -44,6 +44,7 @@ class Supervoxels:
         normal: unit normal, turned towards the cameras, shape [S, 3].
         flatness: 1 for a plane, 0 for a ball or a rod, shape [S].
         thinness: 1 where cameras on opposite sides see the same patch (a leaf, a stalk), 0 on solids, shape [S].
+        openness: share of the views that see it: little in crevices, shape [S].
         border: number of neighbour pairs that cross from one patch to another, symmetric, shape [S, S].
     """
 
@@ -57,6 +58,7 @@ class Supervoxels:
     normal: NDArray[np.float64]
     flatness: NDArray[np.float64]
     thinness: NDArray[np.float64]
+    openness: NDArray[np.float64]
     border: NDArray[np.float64]
 
 
@@ -224,6 +226,7 @@ def _describe(
         normal=normal,
         flatness=np.clip(flatness, 0, 1),
         thinness=thinness,
+        openness=np.bincount(patch, surface.seen[core].mean(1), count) / size,
         border=border,
     )
 
