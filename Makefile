@@ -1,5 +1,5 @@
-# make demo | test | bench | lint | lock | clean: each target makes .venv with Python's own venv first where it is
-# missing, and needs no other tool than Python 3.11 or newer and a package index.
+# make demo | test | validate | bench | lint | lock | clean: each target makes .venv with the own venv of Python first
+# where it is missing, and needs no other tool than Python 3.11 or newer and a package index.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,7 +8,7 @@ OUT ?= demo
 BENCH_FLAGS ?=
 TEST_FLAGS ?= -n auto --dist loadfile
 
-.PHONY: demo test bench lint format lock clean
+.PHONY: demo test validate bench lint format lock clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/.installed
@@ -17,18 +17,22 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed-models
 	$(BIN)/python -m pytest $(TEST_FLAGS)
 
+validate: $(VENV)/.installed-dev
+	$(BIN)/python -m validation
+	$(BIN)/python -m validation random --count 200
+
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m benchmarks $(BENCH_FLAGS)
 
 lint: $(VENV)/.installed-dev
-	$(BIN)/ruff check src tests benchmarks scripts
-	$(BIN)/ruff format --check src tests benchmarks scripts
+	$(BIN)/ruff check src tests benchmarks scripts validation
+	$(BIN)/ruff format --check src tests benchmarks scripts validation
 	$(BIN)/pyright
 	$(BIN)/lint-imports --no-logo
 
 format: $(VENV)/.installed-dev
-	$(BIN)/ruff check --fix src tests benchmarks scripts
-	$(BIN)/ruff format src tests benchmarks scripts
+	$(BIN)/ruff check --fix src tests benchmarks scripts validation
+	$(BIN)/ruff format src tests benchmarks scripts validation
 
 # Each stamp says that the packages of its lock and the package itself are installed in .venv.
 $(VENV)/.installed: requirements.lock pyproject.toml
@@ -65,4 +69,4 @@ lock: $(VENV)/.installed
 
 clean:
 	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis .import_linter_cache
-	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests benchmarks validation -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -9,7 +9,7 @@ no shape of its own to bend back to (sand, snow, fluid) is not thickened.
 
 Thin parts are thickened for two reasons: to save time steps, and because a sheet or rod much thinner than a cell bends
 too stiffly in MLS-MPM (up to 2 times the frequency at t/dx = 0.2, by where it lies between nodes; one cell thick it is
-within 6 % everywhere: ``benchmarks/thin.py`` explains and measures it).
+within 6 % everywhere: ``validation/thin.py`` explains and measures it).
 """
 
 from __future__ import annotations

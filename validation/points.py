@@ -1,0 +1,114 @@
+"""A law at 32 material points, driven by given velocity gradients through the engine's own functions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+import phys4dgen
+from phys4dgen.mpm import Body, LawId
+from phys4dgen.mpm.kernels.law_columns import advance_gradient, stress
+from phys4dgen.mpm.kernels.layout import DISPLACEMENT_GRADIENT, LAW_COLUMNS
+from phys4dgen.vector.memory import load_columns32, store_columns
+
+__all__ = ["COUNT", "Points", "deviator"]
+
+COUNT = 32
+"""Points at once: what the kernels take."""
+
+
+def _forget_stale_kernels() -> None:
+    """Numba sees when this file changes, but not when the laws do."""
+    package = Path(phys4dgen.__file__).parent
+    sources = [*(package / "mpm/laws").glob("*.py"), *(package / "vector").glob("*.py"), package / "mpm/kernels"]
+    newest = max(path.stat().st_mtime for path in sources)
+    for cached in (Path(__file__).parent / "__pycache__").glob("points.*.nb[ic]"):
+        if cached.stat().st_mtime < newest:
+            cached.unlink(missing_ok=True)
+
+
+_forget_stale_kernels()
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _step(law: Any, particles: Any, gradients: Any, dt: Any, tau: Any) -> None:
+    c = load_columns32(gradients, 0, COUNT, 9)
+    c0, c1, c2, c3, c4, c5, c6, c7, c8 = c
+    g = (dt * c0, dt * c1, dt * c2, dt * c3, dt * c4, dt * c5, dt * c6, dt * c7, dt * c8)
+    h = load_columns32(particles, DISPLACEMENT_GRADIENT * COUNT, COUNT, 9)
+    h = advance_gradient(law, particles, 0, COUNT, h, g)
+    store_columns(tau, 0, COUNT, stress(law, particles, 0, COUNT, h, c, dt))
+
+
+class Points:
+    """32 material points of one law.
+
+    Attributes:
+        body: them as a body.
+        law: as the engine has it.
+        mu, lam: Lame parameters, Pa, [32].
+        parameters: the law's columns.
+    """
+
+    def __init__(self, law_id: LawId, *, E: ArrayLike = 1e5, nu: ArrayLike = 0.3, **numbers: ArrayLike) -> None:
+        """Points at rest; numbers of the law (``types.LAW_NUMBERS``) may be scalars or [32]."""
+
+        def full(value: ArrayLike) -> NDArray[np.float64]:
+            return np.broadcast_to(np.asarray(value, float), (COUNT,)).copy()
+
+        one = np.ones(COUNT)
+        self.body = Body(
+            np.zeros((COUNT, 3)), one, 1e3 * one, full(E), full(nu), np.full(COUNT, law_id), 0 * one, 0 * one,
+            ("points",), law_numbers={name: full(value) for name, value in numbers.items()},
+        )  # fmt: skip
+        ((self.law, _),) = self.body.by_law(np.arange(COUNT))
+        self.mu, self.lam = self.body.lame_mu_pa, self.body.lame_lambda_pa
+        self._columns = np.zeros((LAW_COLUMNS + self.law.column_count, COUNT), np.float32)
+        self.parameters = self.body.law_columns(self.law, np.arange(COUNT))
+        self._columns[LAW_COLUMNS : LAW_COLUMNS + len(self.parameters)] = self.parameters
+
+    def step(self, C: ArrayLike, dt: float = 1.0) -> NDArray[np.float64]:
+        """Kirchhoff stress [32, 3, 3] after dt with velocity gradients C [32, 3, 3] (or [3, 3] for all)."""
+        gradients = np.ascontiguousarray(np.broadcast_to(C, (COUNT, 3, 3)).reshape(COUNT, 9).T, np.float32)
+        tau = np.full((6, COUNT), np.inf, np.float32)
+        _step(self.law, self._columns.ravel(), gradients.ravel(), np.float32(dt), tau.ravel())
+        return tau[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T.reshape(COUNT, 3, 3).astype(float)
+
+    def deform(self, F: ArrayLike) -> NDArray[np.float64]:
+        """Kirchhoff stress after one step that takes the points from rest to F."""
+        return self.step(np.asarray(F, float) - np.eye(3))
+
+    @property
+    def F(self) -> NDArray[np.float64]:  # noqa: N802
+        """As the engine carries it, [32, 3, 3]."""
+        h = self._columns[DISPLACEMENT_GRADIENT : DISPLACEMENT_GRADIENT + 9].T.reshape(COUNT, 3, 3)
+        return h.astype(float) + np.eye(3)
+
+    @property
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        """State columns by name, [32] each."""
+        first = LAW_COLUMNS + len(self.law.parameters)
+        return dict(zip(self.law.state, self._columns[first:].astype(float), strict=False))
+
+    @property
+    def elastic_b(self) -> NDArray[np.float64]:
+        """Elastic left Cauchy-Green tensor of plastic laws, [32, 3, 3]."""
+        state = self.state
+        six = [state[f"strain_{ij}"] + state[f"rest_{ij}"] for ij in ("xx", "xy", "xz", "yy", "yz", "zz")]
+        return np.stack(six)[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T.reshape(COUNT, 3, 3) + np.eye(3)
+
+    def energy_pa(self) -> NDArray[np.float64]:
+        """The engine's energy density [32]."""
+        first = LAW_COLUMNS + len(self.law.parameters)
+        state = self._columns[first : first + len(self.law.state)].astype(float)
+        return self.law.energy_density_pa(self.F, self.parameters, state)
+
+
+def deviator(tau: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Deviatoric part of tensors [P, 3, 3] and its Frobenius norm [P]."""
+    dev = tau - np.eye(3) * np.trace(tau, axis1=1, axis2=2)[:, None, None] / 3
+    return dev, np.linalg.norm(dev, axis=(1, 2))
