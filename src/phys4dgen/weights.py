@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 from pathlib import Path
+from typing import Any
 
 from phys4dgen.errors import StageError
 
-__all__ = ["chosen_device", "weights_folder"]
+__all__ = ["chosen_device", "load_model", "read_config", "weights_folder"]
 
+_MAX_CONFIG_BYTES = 1 << 20
 _PACKAGES = ("torch", "transformers")
 _CONFIG, _TENSORS = "config.json", ("model.safetensors", "model.safetensors.index.json")
 
@@ -40,6 +43,65 @@ def weights_folder(name: str, *, model: str) -> Path:
                 "as save_pretrained writes them."
             )
     return folder
+
+
+def read_config(folder: Path, *, model: str, model_type: str) -> dict[str, Any]:
+    """The configuration of a checkpoint.
+
+    Args:
+        folder: from ``weights_folder``.
+        model: what the model is called in errors.
+        model_type: what the configuration must say that it is.
+
+    Raises:
+        StageError: it cannot be read, or is of another model.
+    """
+    path = folder / _CONFIG
+    try:
+        if path.stat().st_size > _MAX_CONFIG_BYTES:
+            raise StageError(f"{model}: expected at most {_MAX_CONFIG_BYTES:,} bytes in {path}, got more.")
+        config = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise StageError(f"{model}: {path} cannot be read as the configuration of a checkpoint: {error}.") from error
+    found = config.get("model_type") if isinstance(config, dict) else None
+    if found != model_type:
+        raise StageError(f"{model}: expected a checkpoint of model_type {model_type} in {folder}, got {found}.")
+    return config
+
+
+def load_model(kind: Any, folder: Path, *, model: str, model_type: str, device: str) -> Any:
+    """A model of Transformers with its weights, all of them: absent ones would silently be random.
+
+    Args:
+        kind: class of Transformers.
+        folder: from ``weights_folder``.
+        model: what the model is called in errors.
+        model_type: of its configuration.
+        device: of PyTorch.
+
+    Raises:
+        StageError: the folder holds another model, or lacks weights.
+    """
+    import torch  # pyright: ignore[reportMissingImports]
+    from safetensors import SafetensorError  # pyright: ignore[reportMissingImports]
+    from transformers.utils import logging  # pyright: ignore[reportMissingImports]
+
+    read_config(folder, model=model, model_type=model_type)
+    logging.disable_progress_bar()
+    try:
+        loaded, report = kind.from_pretrained(
+            str(folder), local_files_only=True, use_safetensors=True, dtype=torch.float32, output_loading_info=True
+        )
+    except (OSError, ValueError, KeyError, RuntimeError, SafetensorError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise StageError(f"{model}: the checkpoint in {folder} cannot be read: {reason}.") from error
+    absent = sorted(report["missing_keys"])
+    if absent:
+        raise StageError(
+            f"{model}: the checkpoint in {folder} lacks {len(absent)} weights, the first of them {absent[0]}; get it "
+            "anew."
+        )
+    return loaded.to(torch.device(device)).eval()
 
 
 def chosen_device(wanted: str) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import StageError
+from phys4dgen.weights import load_model
 
 __all__ = ["DEFAULT_CLIP", "ClipEncoder"]
 
@@ -40,27 +41,20 @@ class ClipEncoder:
         Raises:
             StageError: the folder holds another model, or lacks a file.
         """
-        import torch  # pyright: ignore[reportMissingImports]
         from transformers import (  # pyright: ignore[reportMissingImports]
             CLIPImageProcessorPil,
             CLIPModel,
             CLIPTokenizer,
         )
-        from transformers.utils import logging  # pyright: ignore[reportMissingImports]
 
-        logging.disable_progress_bar()
+        self._model: Any = load_model(CLIPModel, folder, model="CLIP", model_type="clip", device=device)
         try:
-            model: Any = CLIPModel.from_pretrained(
-                str(folder), local_files_only=True, use_safetensors=True, dtype=torch.float32
-            )
             self._processor: Any = CLIPImageProcessorPil.from_pretrained(str(folder), local_files_only=True)
             self._tokenizer: Any = CLIPTokenizer.from_pretrained(str(folder), local_files_only=True)
         except (OSError, ValueError, KeyError, RuntimeError) as error:
             reason = " ".join(str(error).split())[:200]
-            raise StageError(f"CLIP: {folder} holds no CLIP checkpoint that can be read: {reason}.") from error
+            raise StageError(f"CLIP: {folder} lacks its image processor or tokenizer: {reason}.") from error
         self.name = name
-        self._device = torch.device(device)
-        self._model: Any = model.to(self._device).eval()
         self.temperature = float(np.exp(-self._model.logit_scale.item()))
 
     def pictures(self, pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
@@ -87,6 +81,6 @@ class ClipEncoder:
         import torch  # pyright: ignore[reportMissingImports]
 
         with torch.inference_mode():
-            out = embed(**{name: tensor.to(self._device) for name, tensor in inputs.items()})
+            out = embed(**{name: tensor.to(self._model.device) for name, tensor in inputs.items()})
             vectors = getattr(out, "pooler_output", out).float().cpu().numpy()
         return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)

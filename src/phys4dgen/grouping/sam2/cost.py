@@ -7,16 +7,15 @@ it is.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from phys4dgen.errors import StageError
+from phys4dgen.weights import read_config
 
-__all__ = ["Cost", "predicted_cost"]
+__all__ = ["MODEL_TYPE", "Cost", "predicted_cost"]
 
-_MAX_CONFIG_BYTES = 1 << 20
+MODEL_TYPE = "sam2_video"
 _CPU_FLOPS_PER_THREAD = 15e9
 _CUDA_FLOPS = 5e12
 """Of an ordinary card; never measured here."""
@@ -60,7 +59,7 @@ def predicted_cost(folder: Path, device: str) -> Cost:
     """
     import torch  # pyright: ignore[reportMissingImports]
 
-    config = _config(folder)
+    config = read_config(folder, model="SAM2", model_type=MODEL_TYPE)
     size = config.get("image_size", 1024)
     scale = ((size if isinstance(size, int) else size[0]) / 1024) ** 2
     backbone = config.get("vision_config", {}).get("backbone_config", {})
@@ -79,19 +78,3 @@ def _encoder_flops(dims: Any, blocks: Any) -> float:
     return sum(
         24.0 * d * d * (256 >> stage) ** 2 * count for stage, (d, count) in enumerate(zip(dims, blocks, strict=True))
     )
-
-
-def _config(folder: Path) -> dict[str, Any]:
-    path = folder / "config.json"
-    try:
-        if path.stat().st_size > _MAX_CONFIG_BYTES:
-            raise StageError(f"{path}: expected at most {_MAX_CONFIG_BYTES:,} bytes, got more.")
-        config = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise StageError(f"{path}: cannot read the configuration of the checkpoint: {error}.") from error
-    if not isinstance(config, dict) or config.get("model_type") != "sam2_video":
-        raise StageError(
-            f"{path}: expected a checkpoint of model_type sam2_video, such as facebook/sam2.1-hiera-tiny, got "
-            f"{config.get('model_type') if isinstance(config, dict) else type(config).__name__}."
-        )
-    return config

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.errors import StageError
+from phys4dgen.grouping.sam2.cost import MODEL_TYPE
 from phys4dgen.grouping.sam2.preprocess import network_mask, network_picture, picture_logits
 from phys4dgen.grouping.sam2.proposals import DEFAULT_CHOICE, Choice, chosen_proposals
 from phys4dgen.grouping.sam2.segmenter import Proposal
+from phys4dgen.weights import load_model
 
 if TYPE_CHECKING:
     import torch  # pyright: ignore[reportMissingImports]
@@ -45,20 +46,11 @@ class Sam2Network:
         Raises:
             StageError: the folder holds another model.
         """
-        import torch  # pyright: ignore[reportMissingImports]
         from transformers import Sam2VideoModel  # pyright: ignore[reportMissingImports]
-        from transformers.utils import logging  # pyright: ignore[reportMissingImports]
 
-        logging.disable_progress_bar()
-        try:
-            model: Any = Sam2VideoModel.from_pretrained(
-                str(folder), local_files_only=True, use_safetensors=True, dtype=torch.float32
-            )
-        except (OSError, ValueError, KeyError, RuntimeError) as error:
-            reason = " ".join(str(error).split())[:200]
-            raise StageError(f"SAM2: {folder} holds no SAM2 video checkpoint that can be read: {reason}.") from error
-        self.device = torch.device(device)
-        self.model: Any = model.to(self.device).eval()
+        model = load_model(Sam2VideoModel, folder, model="SAM2", model_type=MODEL_TYPE, device=device)
+        self.model: Any = model
+        self.device: torch.device = model.device
         size = model.config.image_size
         self.size: int = size if isinstance(size, int) else size[0]
 
