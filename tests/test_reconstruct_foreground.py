@@ -8,11 +8,12 @@ import pytest
 from PIL import Image, ImageCms, ImageDraw
 
 from phys4dgen.errors import FormatError, StageError
+from phys4dgen.input_kinds import is_picture
 from phys4dgen.reconstruct import matte_onnx
 from phys4dgen.reconstruct.border_color import cut_by_border_color
 from phys4dgen.reconstruct.foreground import cut_out
 from phys4dgen.reconstruct.framing import HALF_HEIGHT, canonical_camera, framed
-from phys4dgen.reconstruct.picture import MAX_SIDE_PX, is_picture, read_mask, read_picture
+from phys4dgen.reconstruct.picture import MAX_SIDE_PX, read_mask, read_picture
 
 
 def disc(size=96, *, background=(255, 255, 255), color=(200, 30, 40)):

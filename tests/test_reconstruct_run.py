@@ -12,6 +12,7 @@ from phys4dgen.run.generate import generate
 from phys4dgen.run.source_files import read_source
 from phys4dgen.scene import Scene, load_scene
 from phys4dgen.stages.asset import load
+from phys4dgen.stages.views import look
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +52,18 @@ def test_a_picture_becomes_a_run_that_resumes(scene, tmp_path):
     pixels, _ = source.camera.project(gaussians.means)
     assert (pixels > 0).all()
     assert (pixels < source.camera.width).all()
+    assert source.even_colors is not None
+    assert source.even_colors.shape == gaussians.means.shape
+    views = look(scene, asset, SILENT)
+    canonical = views.cameras[0]
+    assert len(views) == 29
+    np.testing.assert_array_equal(canonical.viewmat, source.camera.viewmat)
+    assert (canonical.width, canonical.height) == (64, 64)
+    outline = Image.fromarray(source.picture[..., 3]).resize((64, 64), Image.Resampling.BOX)
+    shown, inside = views.alpha[0] > 0.5, np.asarray(outline) > 0.5
+    assert (shown & inside).sum() / (shown | inside).sum() > 0.95
+    others = np.array([camera.viewmat[2, :3] @ canonical.viewmat[2, :3] for camera in views.cameras[1:]])
+    assert others.max() < 0.9  # the view of the table that looks the same way is left out
 
 
 def test_a_mask_and_a_network_at_once_are_refused():

@@ -61,6 +61,7 @@ class Settings:
         cfl: C in dt = C dx / (c_p + |v|); stable up to about 0.8.
         chunks: particle ranges with a grid of their own; at most this many threads work on particles. Results depend
             on this number, and not on the number of threads.
+        fewest_substeps_per_frame: taken even where fewer would be stable.
         max_substeps_per_frame: a body that needs more is refused.
         padding_cells: empty cells kept around the body when the grid is laid.
         max_grid_nodes: a grid that would need more is refused.
@@ -78,6 +79,7 @@ class Settings:
     damping_relative_to_rigid: bool = False
     cfl: float = 0.4
     chunks: int = 2
+    fewest_substeps_per_frame: int = 2
     max_substeps_per_frame: int = 20_000
     padding_cells: int = 3
     max_grid_nodes: int = 20_000_000
@@ -95,7 +97,8 @@ class Settings:
             raise ValueError(f"gravity_ms2: expected three finite numbers, got {self.gravity_ms2}.")
         for name, least in (
             ("chunks", 1),
-            ("max_substeps_per_frame", 2),
+            ("fewest_substeps_per_frame", 2),
+            ("max_substeps_per_frame", self.fewest_substeps_per_frame),
             ("padding_cells", 0),
             ("max_grid_nodes", 512),
         ):

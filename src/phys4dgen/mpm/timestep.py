@@ -19,7 +19,6 @@ from phys4dgen.mpm.forces import planned_speed_gain_ms
 from phys4dgen.mpm.settings import Settings
 
 __all__ = [
-    "FEWEST_SUBSTEPS",
     "Estimate",
     "StiffPart",
     "affordable_modulus_pa",
@@ -28,7 +27,6 @@ __all__ = [
     "substeps_for",
 ]
 
-FEWEST_SUBSTEPS = 2
 _LONGEST_RIGID_CONTACT_DT_S = 1e-3  # rocking and rolling on the ground die too soon with longer substeps
 _LONGEST_SORT_INTERVAL = 50
 _VISCOUS_LIMIT = 6.0  # dt <= dx^2 rho / (6 eta): explicit diffusion in three dimensions
@@ -100,7 +98,9 @@ def substeps_for(
     dt_s = min(dt_s, settings.dx_m**2 / max(_VISCOUS_LIMIT * viscosity_m2s, 1e-30))
     if rigid_contact:
         dt_s = min(dt_s, _LONGEST_RIGID_CONTACT_DT_S)
-    return max(FEWEST_SUBSTEPS, math.ceil(min((settings.frame_time_s if time_s is None else time_s) / dt_s, 2.0**52)))
+    time_s = settings.frame_time_s if time_s is None else time_s
+    fewest = round(settings.fewest_substeps_per_frame * time_s / settings.frame_time_s)
+    return max(2, fewest, math.ceil(min(time_s / dt_s, 2.0**52)))
 
 
 def sort_interval(substeps: int, dt_s: float, speed_ms: float, dx_m: float) -> int:

@@ -17,9 +17,8 @@ from PIL import Image, ImageCms, ImageOps
 
 from phys4dgen.errors import FormatError
 
-__all__ = ["PICTURE_SUFFIXES", "Picture", "is_picture", "read_mask", "read_picture"]
+__all__ = ["Picture", "read_mask", "read_picture"]
 
-PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 MAX_SIDE_PX = 2048
 """Larger pictures are scaled down to it: far above the finest working grid, far below what fills the memory."""
 MAX_FILE_BYTES = 256 * 2**20
@@ -43,11 +42,6 @@ class Picture:
     def size(self) -> tuple[int, int]:
         """Height and width, pixels."""
         return self.rgb.shape[0], self.rgb.shape[1]
-
-
-def is_picture(path: Path | str) -> bool:
-    """Whether the name of a file promises a picture."""
-    return Path(path).suffix.lower() in PICTURE_SUFFIXES
 
 
 def read_picture(path: Path | str) -> Picture:

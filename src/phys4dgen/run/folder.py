@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from phys4dgen.errors import RunError, SceneError
 from phys4dgen.export.frames import frame_path
 from phys4dgen.formats.atomic import atomic_path
-from phys4dgen.reconstruct.picture import is_picture
+from phys4dgen.input_kinds import is_picture
 from phys4dgen.run.json_text import json_text
 from phys4dgen.run.lock import FolderLock
 from phys4dgen.run.log import JsonLinesHandler

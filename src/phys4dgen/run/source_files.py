@@ -8,9 +8,10 @@ import numpy as np
 
 from phys4dgen.export.pictures import write_png
 from phys4dgen.formats import load_gaussians, save_gaussians
+from phys4dgen.input_kinds import is_picture
 from phys4dgen.reconstruct.inflate.perspective import InflatedSolid
 from phys4dgen.reconstruct.mesh.files import is_mesh
-from phys4dgen.reconstruct.picture import is_picture, read_picture
+from phys4dgen.reconstruct.picture import read_picture
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.scene import Scene
 from phys4dgen.stages.reconstruct import Source

@@ -46,7 +46,7 @@ class Stage:
 
 
 _SOURCE = ("input", "reconstruct")
-_ASSET = (*_SOURCE, "up", "height_m", "longest_m")
+_ASSET = (*_SOURCE, "up", "height_m", "longest_m", "simulation.scale")
 _SOURCE_CODE = ("types", "formats", "render", "vector", "reconstruct", "stages/reconstruct.py")
 _GROUPING_STAGES = ("stages/grouping.py", "stages/segmentation.py", "stages/naming.py")
 _SHARED_CODE = (*_SOURCE_CODE, "upright", "stages/asset.py", "stages/views.py")
@@ -113,7 +113,7 @@ STAGES = (
     ),
     Stage(
         "render",
-        settings=(*_SOURCE, "up", "output", "simulation.fps"),
+        settings=(*_SOURCE, "up", "output", "simulation.fps", "simulation.scale"),
         ignores=(),
         takes=("motion",),
         makes=(),

@@ -14,6 +14,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from phys4dgen.errors import SceneError
 from phys4dgen.scene.errors import explain
+from phys4dgen.scene.paper_scale import PaperScale, paper_scale
 from phys4dgen.scene.sections import (
     ALL_PARTS,
     Boundary,
@@ -34,6 +35,8 @@ from phys4dgen.scene.sections.values import Auto, AxisName, Direction, FilePath,
 from phys4dgen.yaml12 import YamlPath
 
 __all__ = ["Scene", "validated_scene"]
+
+_FPS = 24.0
 
 
 class Scene(Section):
@@ -83,6 +86,8 @@ class Scene(Section):
     def _one_size(self) -> Scene:
         if self.longest_m is not None and self.height_m != "auto":
             raise ValueError("height_m and longest_m both give the size; keep one of them")
+        if self.simulation.scale == "paper" and not (self.longest_m is None and self.height_m == "auto"):
+            raise ValueError("simulation.scale: paper makes the longest side one; leave height_m and longest_m out")
         if ALL_PARTS in self.parts:
             raise ValueError(f"parts: '{ALL_PARTS}' means every part in a force and cannot name a part")
         grounds = sum(isinstance(boundary, Ground) for boundary in self.boundaries)
@@ -95,13 +100,28 @@ class Scene(Section):
     @property
     def frame_count(self) -> int:
         """Frames of the film; frame 0 is the rest pose."""
-        return max(1, round(self.simulation.duration_s * self.simulation.fps))
+        return max(1, round(self.simulation.duration_s * self.fps))
+
+    @property
+    def paper_scale(self) -> PaperScale | None:
+        """The paper's numbers, where the scene asks for them."""
+        return paper_scale(self.input) if self.simulation.scale == "paper" else None
+
+    @property
+    def fps(self) -> float:
+        """Frames of the film per second."""
+        chosen, paper = self.simulation.fps, self.paper_scale
+        if not isinstance(chosen, str):
+            return chosen
+        return _FPS if paper is None else paper.fps
 
     @property
     def frame_time_s(self) -> float:
         """Simulated seconds between two frames."""
-        chosen = self.simulation.frame_time_s
-        return 1.0 / self.simulation.fps if isinstance(chosen, str) else chosen
+        chosen, paper = self.simulation.frame_time_s, self.paper_scale
+        if not isinstance(chosen, str):
+            return chosen
+        return 1.0 / self.fps if paper is None else paper.frame_time_s
 
     def with_overrides(self, overrides: Mapping[str, Any], *, sources: Mapping[str, str] | None = None) -> Scene:
         """A validated copy with some values replaced.

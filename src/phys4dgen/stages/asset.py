@@ -73,7 +73,10 @@ def load(scene: Scene, source: Source, progress: Progress) -> Asset:
     extent = upper - lower
     if not (extent > 0).all():
         raise SceneError(f"{scene.input}: expected an object with a volume, got an extent of {extent.tolist()} units.")
-    if scene.longest_m is not None:
+    paper = scene.paper_scale
+    if paper is not None:
+        metres_per_unit = 1 / extent.max()
+    elif scene.longest_m is not None:
         metres_per_unit = scene.longest_m / extent.max()
     else:
         if scene.height_m == "auto":
@@ -81,7 +84,9 @@ def load(scene: Scene, source: Source, progress: Progress) -> Asset:
         metres_per_unit = (0.3 if isinstance(scene.height_m, str) else scene.height_m) / extent[2]
     frame = Frame(rotation, float(metres_per_unit))
     grid = scene.simulation.grid
-    if isinstance(grid, str):
+    if isinstance(grid, str) and paper is not None:
+        grid = paper.grid
+    elif isinstance(grid, str):
         enough = MOST_PARTICLES if source.solid is None else MOST_PARTICLES_OF_A_GUESS
         grid = automatic_grid(gaussians, rotation=rotation, most_particles=enough)
         if grid < FINE_GRID:

@@ -114,7 +114,7 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress, *, over
             yield FilmFrame(k, image, positions, rotations, partial(tracker.advance, gradients))
             progress.update(k + 1, len(cameras), "frames rendered")
 
-    fps = scene.simulation.fps if isinstance(wanted.fps, str) else wanted.fps
+    fps = scene.fps if isinstance(wanted.fps, str) else wanted.fps
     return Film(fps, motion.times_s, cameras, frames)
 
 

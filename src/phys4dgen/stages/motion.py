@@ -16,6 +16,7 @@ from phys4dgen.mpm import Simulator
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
+from phys4dgen.stages.courant import tell_courant_numbers
 from phys4dgen.stages.interior import settled_thickness
 from phys4dgen.stages.motion_facts import MotionFacts
 from phys4dgen.stages.motion_plan import Plan, plan_motion
@@ -50,6 +51,8 @@ def move(
     plan = plan_motion(scene, asset, parts, continuum, book, progress)
     held, assembly, facts = plan.held, plan.assembly, plan.facts
     _tell_what_differs(scene, asset, parts, continuum, plan, progress)
+    if scene.paper_scale is not None:
+        tell_courant_numbers(asset, book, progress)
     simulator = Simulator(assembly.body, plan.settings)
     progress.note(
         f"{int((~held.particles).sum())} moving particles, about {simulator.estimate().substeps_per_frame} substeps "

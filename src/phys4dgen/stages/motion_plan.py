@@ -211,7 +211,7 @@ def _assembled(given: _Given, held: Held, body_of: NDArray[np.int32]) -> Assembl
         cell_m=asset.cell_m,
         max_wave_speed_ms=0.9 * speed_per_substep * scene.simulation.max_substeps,  # the rest is for the motion itself
         rigid_wave_speed_ms=speed_per_substep * scene.simulation.substep_limit,
-        fps=scene.simulation.fps,
+        fps=scene.fps,
     )
     pieces = np.stack([continuum.part, continuum.piece], 1)
     bonded = bonded_to_held(
@@ -251,6 +251,7 @@ def _settings(given: _Given, around: Circumstances, held: Held, body: Body) -> S
         cfl=scene.simulation.cfl,
         chunks=_chunks(scene),
         max_substeps_per_frame=scene.simulation.substep_limit,
+        fewest_substeps_per_frame=2 if scene.paper_scale is None else scene.paper_scale.substeps,
     )
 
 

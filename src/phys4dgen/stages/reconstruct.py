@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.formats import load_gaussians
+from phys4dgen.input_kinds import is_picture
 from phys4dgen.progress import Progress
 from phys4dgen.reconstruct.mesh.files import is_mesh
-from phys4dgen.reconstruct.picture import is_picture
 from phys4dgen.scene import Scene
 from phys4dgen.types import Camera, Gaussians
 

@@ -27,7 +27,8 @@ class Interior(Section):
     label grid (the paper's; slower and rougher)"""
     method: Literal["auto", "ipsd", "winding", "both", "none"] = "auto"
     """auto: exact where the reconstruction knows the inside, else ipsd; ipsd: carve by masks and depths (the paper's);
-    winding: fill by the winding number; both: what they agree on; none: nothing inside, a skin of one layer of particles (the paper's ablation)"""
+    winding: fill by the winding number; both: what they agree on; none: nothing inside, a skin of one layer of
+    particles (the paper's ablation)"""
     hollow: dict[PartName, bool | Annotated[float, Field(gt=0, lt=1)]] = Field(default_factory=dict)
     """parts of which only a wall is filled: its thickness in metres; true: as parts.NAME.thickness_m, else as usual
     for parts.NAME.material"""

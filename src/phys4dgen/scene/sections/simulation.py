@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -16,12 +16,15 @@ class Simulation(Section):
 
     grid: Auto | Annotated[int, Field(ge=8, le=512)] = "auto"
     """cells along the object's longest side; auto: 64, fewer where a massive object would take too many particles"""
+    scale: Literal["metres", "paper"] = "metres"
+    """metres: the object's real size; paper: a unit object in a cube of side 2 with 50 (picture) or 64 cells, frames of
+    714 or 400 substeps of 5e-5 s; what is auto then follows the paper"""
     duration_s: Annotated[float, Field(gt=0, le=600)] = 2.0
     """of the film; frames = round(duration_s * fps)"""
-    fps: Annotated[float, Field(ge=1, le=240)] = 24.0
-    """frames of the film per second"""
+    fps: Auto | Annotated[float, Field(ge=1, le=240)] = "auto"
+    """frames of the film per second; auto: 24, 14 for a picture at the paper's scale"""
     frame_time_s: Auto | Annotated[float, Field(gt=0, le=10)] = "auto"
-    """simulated time between two frames; auto: 1 / fps (real time)"""
+    """simulated time between two frames; auto: 1 / fps (real time), the paper's at its scale"""
     cfl: Annotated[float, Field(gt=0, le=0.7)] = 0.6
     """time step as a share of the time in which a wave crosses a cell"""
     damping_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.08
