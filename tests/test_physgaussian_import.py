@@ -15,6 +15,7 @@ from phys4dgen.materials import read_materials
 from phys4dgen.physgaussian.boundary_types import BOUNDARY_TYPES
 from phys4dgen.physgaussian.configuration import MATERIALS, Configuration, Filling, RegionMaterial, read_configuration
 from phys4dgen.physgaussian.importing import import_physgaussian
+from phys4dgen.physgaussian.masses import particle_masses
 from phys4dgen.physgaussian.placement import place, simulated
 from phys4dgen.scene import sections
 from phys4dgen.stages.motion_loads import in_region
@@ -253,17 +254,33 @@ def test_cuboids(run, model):
     assert [(pin.from_s, pin.to_s) for pin in pins] == [(0, 0.1), (0.5, pytest.approx(0.5015))]
 
 
-def test_impulses(run, model):
-    config, gaussians, _ = placed(model, "leaf")
-    compat = of_kind(run("leaf", "compat").scene.forces, "per_particle_force")[0]
-    assert compat.value_n == (-0.18, 0, 0)
-    assert compat.to_s - compat.from_s == pytest.approx(2e-4)
-    corrected = run("leaf")
-    blow = of_kind(corrected.scene.forces, "impulse")[0]
-    assert blow.at_s == 0.1
-    np.testing.assert_allclose(blow.value_ns, (-0.18 * len(gaussians) * 2e-4, 0, 0), rtol=1e-6)
-    assert mentions(corrected, "particle_impulse", f"{len(gaussians):,}")
-    assert config.boundary_conditions[2].size == (1, 1, 1)
+@pytest.mark.parametrize("mode", MODES)
+def test_impulses_change_velocities_as_there(run, model, mode):
+    config, gaussians, placement = placed(model, "leaf")
+    imported = run("leaf", mode)
+    push = of_kind(imported.scene.forces, "acceleration")[0]
+    assert push.from_s == 0.1
+    assert push.to_s - push.from_s == pytest.approx(2e-4)
+    cells = {}
+    places = placement.to_mpm(gaussians.means)
+    for place in places:
+        cells.setdefault(tuple(int(x // 0.04) for x in place), []).append(place)
+    mass = sum(0.04**3 * config.density for _ in cells)  # every cell with particles is full
+    np.testing.assert_allclose(push.value_ms2, (-0.18 * len(places) / mass, 0, 0), rtol=1e-6)
+    assert mentions(imported, "particle_impulse", f"{len(gaussians):,}")
+
+
+def test_masses():
+    config = Configuration(
+        density=100.0,
+        additional_material_params=[{"point": [1, 1, 1], "size": [1, 1, 1], "E": 1, "nu": 0, "density": 300}],
+    )
+    places = np.array([[0.01, 0.01, 0.01], [0.02, 0.01, 0.01], [0.03, 0.02, 0.01], [0.5, 0.5, 0.5]])
+    labels = np.array([0, 0, 1, 0], np.int32)
+    cell = 0.04**3
+    np.testing.assert_allclose(particle_masses(config, places, labels), [cell * 100 / 3] * 2 + [cell * 100, cell * 100])
+    sand = config.model_copy(update={"material": "sand"})
+    np.testing.assert_allclose(particle_masses(sand, places, labels), np.array([100, 100, 300, 100]) * cell / 2)
 
 
 def test_held_and_turned_particles(run, model):

@@ -50,6 +50,7 @@ class _Context:
     config: Configuration
     placement: Placement
     places: NDArray[np.float64]
+    masses_kg: NDArray[np.float64]
     mode: Mode
     carried: Carried
     name: str
@@ -71,18 +72,27 @@ class _Context:
         return int((np.abs(self.places - point) < half).all(1).sum())
 
 
-def carry_over(config: Configuration, placement: Placement, places: NDArray[np.float64], *, mode: Mode) -> Carried:
+def carry_over(
+    config: Configuration,
+    placement: Placement,
+    places: NDArray[np.float64],
+    *,
+    masses_kg: NDArray[np.float64],
+    mode: Mode,
+) -> Carried:
     """Turn every boundary condition into what our solver has.
 
     Args:
         config: the configuration.
         placement: of the object in MPM space.
         places: of the simulated Gaussians in MPM space, [N, 3].
+        masses_kg: of their particles in PhysGaussian, [N].
         mode: in ``compat`` with PhysGaussian's defects where the solver can have them.
     """
     carried = Carried()
     for number, condition in enumerate(config.boundary_conditions):
-        context = _Context(config, placement, places, mode, carried, f"boundary_conditions.{number} {condition.type}")
+        name = f"boundary_conditions.{number} {condition.type}"
+        context = _Context(config, placement, places, masses_kg, mode, carried, name)
         _carry(condition, context)
     return carried
 
@@ -145,27 +155,22 @@ def _cuboid(condition: Cuboid, at: _Context) -> None:
 
 
 def _impulse(condition: Impulse, at: _Context) -> None:
-    """V += f / m_p dt for some substeps: what it does depends on the number of particles."""
-    count = at.chosen(condition.point, condition.size)
-    if count == 0:
+    """v += f / m_p dt for some substeps; with its masses, not ours, that is the same change of velocity here."""
+    inside = (np.abs(at.places - condition.point) < condition.size).all(1)
+    if not inside.any():
         at.note("its box holds no Gaussian; left out.")
         return
-    length_s = condition.num_dt * at.config.substep_dt
-    times = at.window(condition.start_time, condition.start_time + length_s)
+    times = at.window(condition.start_time, condition.start_time + condition.num_dt * at.config.substep_dt)
     if times is None:
         return
+    masses = at.masses_kg[inside]
     region = at.placement.box(condition.point, condition.size)
-    if at.mode == "compat":
-        force = {"kind": "per_particle_force", "value_n": at.placement.vector(condition.force), "region": region}
-        at.carried.forces.append(force | times)
-        at.note(f"the same force on each particle; PhysGaussian has {count:,} there, our number of particles differs.")
-        return
-    momentum = at.placement.vector(np.array(condition.force) * count * length_s)
-    start_s = times.get("from_s", 0.0)
-    at.carried.forces.append(
-        {"kind": "impulse", "value_ns": momentum, "region": region} | ({"at_s": start_s} if start_s else {})
+    value = at.placement.vector(np.array(condition.force) * len(masses) / masses.sum())
+    at.carried.forces.append({"kind": "acceleration", "value_ms2": value, "region": region} | times)
+    at.note(
+        f"the same force on each of {len(masses):,} particles, whose masses in PhysGaussian differ "
+        f"{masses.max() / masses.min():.0f} times, becomes the acceleration that it gives them together."
     )
-    at.note(f"the force on each of {count:,} Gaussians over {length_s:g} s becomes one blow with their whole momentum.")
 
 
 def _translation(condition: Translation, at: _Context) -> None:

@@ -16,6 +16,7 @@ from phys4dgen.materials import write_materials
 from phys4dgen.physgaussian.boundaries import Carried, carry_over
 from phys4dgen.physgaussian.camera import film_of
 from phys4dgen.physgaussian.configuration import Configuration, Mode, ReadConfiguration, read_configuration
+from phys4dgen.physgaussian.masses import particle_masses
 from phys4dgen.physgaussian.materials import BASE_PART, labels_of_regions, material_book
 from phys4dgen.physgaussian.placement import Placement, place, simulated
 from phys4dgen.scene import Scene, load_scene
@@ -89,7 +90,9 @@ def import_physgaussian(config: Path, model: Path, out: Path, *, mode: Mode = "c
         _write_labels(labels_file, labels, list(parts.values()))
         files.append(labels_file)
         grouping = {"backend": "file", "labels_file": labels_file.name}
-    carried = carry_over(read.values, placement, placement.to_mpm(gaussians.means), mode=mode)
+    places = placement.to_mpm(gaussians.means)
+    masses_kg = particle_masses(read.values, places, labels)
+    carried = carry_over(read.values, placement, places, masses_kg=masses_kg, mode=mode)
     tree = {
         "input": splat.name if splat.parent == out.parent else splat.resolve().as_posix(),
         **_frame(gaussians, read.values, placement, mode, notes),
