@@ -261,20 +261,16 @@ def test_impulses_change_velocities_as_there(run, model, mode):
     push = of_kind(imported.scene.forces, "acceleration")[0]
     assert push.from_s == 0.1
     assert push.to_s - push.from_s == pytest.approx(2e-4)
-    cells = {}
     places = placement.to_mpm(gaussians.means)
-    for place in places:
-        cells.setdefault(tuple(int(x // 0.04) for x in place), []).append(place)
-    mass = sum(0.04**3 * config.density for _ in cells)  # every cell with particles is full
+    cells = {tuple(int(x // 0.04) for x in center) for center in places}
+    mass = len(cells) * 0.04**3 * config.density  # every cell with particles counts as full
     np.testing.assert_allclose(push.value_ms2, (-0.18 * len(places) / mass, 0, 0), rtol=1e-6)
     assert mentions(imported, "particle_impulse", f"{len(gaussians):,}")
 
 
 def test_masses():
-    config = Configuration(
-        density=100.0,
-        additional_material_params=[{"point": [1, 1, 1], "size": [1, 1, 1], "E": 1, "nu": 0, "density": 300}],
-    )
+    region = {"point": [1, 1, 1], "size": [1, 1, 1], "E": 1.0, "nu": 0.0, "density": 300.0}
+    config = Configuration(density=100.0, additional_material_params=[region])
     places = np.array([[0.01, 0.01, 0.01], [0.02, 0.01, 0.01], [0.03, 0.02, 0.01], [0.5, 0.5, 0.5]])
     labels = np.array([0, 0, 1, 0], np.int32)
     cell = 0.04**3

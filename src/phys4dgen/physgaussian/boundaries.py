@@ -155,7 +155,7 @@ def _cuboid(condition: Cuboid, at: _Context) -> None:
 
 
 def _impulse(condition: Impulse, at: _Context) -> None:
-    """v += f / m_p dt for some substeps; with its masses, not ours, that is the same change of velocity here."""
+    """It adds f dt / m_p in some substeps; with its masses, not ours, that is the same change of velocity here."""
     inside = (np.abs(at.places - condition.point) < condition.size).all(1)
     if not inside.any():
         at.note("its box holds no Gaussian; left out.")
