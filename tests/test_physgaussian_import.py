@@ -136,6 +136,8 @@ def test_faint_gaussians_and_those_outside_are_left_out(run, model):
     inside = ((turned > area[:, :1]) & (turned < area[:, 1:])).all(0)
     np.testing.assert_array_equal(load_gaussians(heap.scene.input).means, everything.means[inside])
     assert 0 < inside.sum() < len(everything)
+    around = load_gaussians(heap.scene_yaml.with_name("scene_corrected_surroundings.ply"))
+    np.testing.assert_array_equal(around.means, everything.means[~inside])
     assert mentions(heap, "sim_area")
     ball = run("ball")
     assert ball.scene.input == model / "point_cloud/iteration_30000/point_cloud.ply"

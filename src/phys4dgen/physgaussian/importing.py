@@ -50,7 +50,7 @@ def import_physgaussian(config: Path, model: Path, out: Path, *, mode: Mode = "c
     """Write a scene that does what a configuration of PhysGaussian says.
 
     Beside the scene stand ``NAME_materials.yaml``, and where needed ``NAME_object.ply`` (the Gaussians that are
-    simulated) and ``NAME_labels.npz`` (their material regions).
+    simulated), ``NAME_surroundings.ply`` (the others) and ``NAME_labels.npz`` (material regions).
 
     Args:
         config: its configuration, JSON.
@@ -65,15 +65,19 @@ def import_physgaussian(config: Path, model: Path, out: Path, *, mode: Mode = "c
     read = read_configuration(config, mode=mode)
     notes = list(read.notes)
     splat = _newest_splat(model)
-    gaussians = load_gaussians(splat)
-    chosen = simulated(gaussians, read.values)
+    everything = load_gaussians(splat)
+    chosen = simulated(everything, read.values)
+    gaussians = everything
     files = [out]
     if not chosen.all():
-        gaussians = gaussians.subset(chosen)
+        gaussians = everything.subset(chosen)
         splat = out.with_name(f"{out.stem}_object.ply")
         save_gaussians(gaussians, splat)
         files.append(splat)
         notes.append(_left_out(read.values, int((~chosen).sum())))
+        if read.values.sim_area is not None:
+            files.append(out.with_name(f"{out.stem}_surroundings.ply"))
+            save_gaussians(everything.subset(~chosen), files[-1])
     placement = place(gaussians, read.values)
     labels = labels_of_regions(gaussians, read.values, placement)
     parts = {int(label): f"region_{label}" if label else BASE_PART for label in np.unique(labels)}
