@@ -41,6 +41,7 @@ __all__ = [
     "like",
     "maximum",
     "minimum",
+    "root_and_inverse",
     "shuffled",
     "splat16",
     "splat32",
@@ -201,6 +202,24 @@ def _llvm_float_call(name: str, count: int) -> Any:
 def sqrt(typing_context, x):
     """Square root of float lanes."""
     return x(x), _llvm_float_call("sqrt", 1)
+
+
+@intrinsic
+def root_and_inverse(typing_context, x):
+    """(sqrt(x), 1 / sqrt(x)) of positive float lanes, for little more than the inverse.
+
+    Processors estimate the inverse root fast. A plain x * (1 / sqrt(x)) would be simplified to the slow sqrt(x), so the
+    product carries no flag that allows that.
+    """
+    call = _llvm_float_call("sqrt", 1)
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        one = ir.Constant(args[0].type, [1.0] * args[0].type.count)
+        inverse = builder.fdiv(one, call(context, builder, x(x), args), flags=FAST_MATH)
+        root = builder.fmul(args[0], inverse, flags=("nsz", "contract"))
+        return context.make_tuple(builder, sig.return_type, (root, inverse))
+
+    return types.UniTuple(x, 2)(x), emit
 
 
 @intrinsic

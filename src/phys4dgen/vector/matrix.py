@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phys4dgen.vector.lanes import absolute, any_lane, like, maximum, sqrt, where
+from phys4dgen.vector.lanes import absolute, any_lane, like, maximum, root_and_inverse, sqrt, where
 from phys4dgen.vector.math import inline
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "singular_value_decomposition",
     "symmetric_eigen",
     "symmetric_from_eigen",
+    "volume_growth",
 ]
 
 _f = np.float32
@@ -38,6 +39,14 @@ def identity_plus(a):
     """I + A."""
     a00, a01, a02, a10, a11, a12, a20, a21, a22 = a
     return a00 + _f(1), a01, a02, a10, a11 + _f(1), a12, a20, a21, a22 + _f(1)
+
+
+@inline
+def volume_growth(a):
+    """det(I + A) - 1, with all digits where A is small."""
+    a00, a01, a02, a10, a11, a12, a20, a21, a22 = a
+    minors = a00 * a11 - a01 * a10 + a00 * a22 - a02 * a20 + a11 * a22 - a12 * a21
+    return (a00 + a11 + a22) + minors + determinant(a)
 
 
 @inline
@@ -85,13 +94,10 @@ def _jacobi_rotation(app, aqq, apq, arp, arq, p0, p1, p2, q0, q1, q2):
     h = aqq - app
     g = apq + apq
     size = absolute(h) + _f(1e-15)
-    square = size * size + g * g
-    inverse = _f(1) / sqrt(square)
-    cosine_squared = _f(0.5) + _f(0.5) * (size * inverse)
-    inverse_cosine = _f(1) / sqrt(cosine_squared)
-    c = cosine_squared * inverse_cosine
+    length, inverse = root_and_inverse(size * size + g * g)
+    c, inverse_cosine = root_and_inverse(_f(0.5) + _f(0.5) * (size * inverse))
     s = _f(0.5) * (g * inverse) * inverse_cosine
-    shift = _f(0.5) * (square * inverse - size)
+    shift = _f(0.5) * (length - size)
     negative = h < _f(0)
     s = where(negative, -s, s)
     shift = where(negative, -shift, shift)
@@ -114,13 +120,14 @@ def symmetric_eigen(a, sweeps):
     """Eigenvalues (3, unsorted) and eigenvectors (9, columns, det = +1) of a symmetric matrix.
 
     Cyclic Jacobi with exact rotations; at most ``sweeps`` sweeps (4 reach float32 accuracy), fewer as soon as all
-    lanes are diagonal to 1e-7 of their largest numbers, or to 1e-9.
+    lanes are diagonal to 1e-6 of their largest numbers, or to 1e-9; what is left then is smaller than that, and it
+    enters eigenvalues squared.
     """
     a00, a01, a02, a11, a12, a22 = a
     zero = like(a00, _f(0))
     one = like(a00, _f(1))
     u00, u01, u02, u10, u11, u12, u20, u21, u22 = one, zero, zero, zero, one, zero, zero, zero, one
-    tolerance = _f(1e-7) * (absolute(a00) + absolute(a11) + absolute(a22)) + _f(1e-9)
+    tolerance = _f(1e-6) * (absolute(a00) + absolute(a11) + absolute(a22)) + _f(1e-9)
     for _ in range(sweeps):
         if not any_lane(absolute(a01) + absolute(a02) + absolute(a12) > tolerance):
             break
