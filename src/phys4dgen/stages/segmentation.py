@@ -127,8 +127,17 @@ def part_pointed_at(
     options = scene.grouping.sam2
     folder = weights_folder(options.weights, model="SAM2")
     decision = Decision(folder, chosen_device(options.device), 0.0, "it was asked for")
-    path = on_path(views, None if isinstance(options.views, str) else options.views)
-    (piece, pointing) = _pointing(edit, views, path)
+    wanted = None if isinstance(options.views, str) else options.views
+    if edit.seeds:
+        piece, points = next(iter(edit.seeds.items()))
+        path = on_path(views, wanted)
+        pointing = Pointing(points=np.array(points))
+    else:
+        piece, box = next(iter(edit.boxes.items()))
+        number = _view_number(box.view, len(views), piece)
+        path = on_path(views, wanted, keep=number)
+        place = next(i for i, camera in enumerate(path.cameras) if camera is views.cameras[number])
+        pointing = Pointing(view=place, box=np.array(box.corners))
     return cut_out_piece(
         parts, str(edit.split), piece, pointing,
         gaussians=asset.gaussians, frame=asset.frame, views=path,
@@ -137,21 +146,12 @@ def part_pointed_at(
     )  # fmt: skip
 
 
-def _pointing(edit: PartEdit, views: Views, path: Views) -> tuple[str, Pointing]:
-    """The name of the piece, and the click or box that means it."""
-    for name, points in edit.seeds.items():
-        return name, Pointing(points=np.array(points))
-    name, box = next(iter(edit.boxes.items()))
-    known = {f"view_{number:02d}": camera for number, camera in enumerate(views.cameras)}
-    if box.view not in known:
-        raise StageError(f"grouping.edits: the box for '{name}' is in '{box.view}', and there is no such view now.")
-    on_the_way = [number for number, camera in enumerate(path.cameras) if camera is known[box.view]]
-    if not on_the_way:
-        raise StageError(
-            f"grouping.edits: the box for '{name}' is in '{box.view}', which grouping.sam2.views leaves out; allow "
-            "more."
-        )
-    return name, Pointing(view=on_the_way[0], box=np.array(box.corners))
+def _view_number(name: str, count: int, piece: str) -> int:
+    """Number of the view of that name."""
+    names = [f"view_{number:02d}" for number in range(count)]
+    if name not in names:
+        raise StageError(f"grouping.edits: the box for '{piece}' is in '{name}', and there is no such view now.")
+    return names.index(name)
 
 
 def _segmenter(scene: Scene, decision: Decision, frames: NDArray[np.uint8], progress: Progress) -> Segmenter:

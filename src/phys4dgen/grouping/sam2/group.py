@@ -60,11 +60,21 @@ class Segments:
         return int(self.labels.max(initial=-1)) + 1
 
 
-def on_path(views: Views, wanted: int | None = None) -> Views:
-    """The views in the order of a smooth path, at most ``wanted`` of them, evenly taken along it."""
+def on_path(views: Views, wanted: int | None = None, *, keep: int | None = None) -> Views:
+    """The views in the order of a smooth path.
+
+    Args:
+        views: in any order.
+        wanted: so many of them at most, evenly taken along the path; None for all.
+        keep: number of a view that shall be among them; it takes the place of the nearest one on the path.
+    """
     order = smooth_path(views.cameras)
     if wanted is not None and wanted < len(order):
-        order = order[np.linspace(0, len(order) - 1, wanted).round().astype(np.intp)]
+        places = np.linspace(0, len(order) - 1, wanted).round().astype(np.intp)
+        if keep is not None:
+            place = int(np.flatnonzero(order == keep)[0])
+            places[np.abs(places - place).argmin()] = place
+        order = order[places]
     cameras = tuple(views.cameras[number] for number in order)
     return Views(cameras, views.rgb[order], views.alpha[order], views.depth[order])
 
