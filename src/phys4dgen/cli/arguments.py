@@ -25,6 +25,7 @@ __all__ = [
     "FILM_FLAGS",
     "IDENTIFY_FLAGS",
     "IDENTIFY_SWITCHES",
+    "SELECT_FLAGS",
     "Arguments",
     "add_flags_of",
     "add_generate_flags",
@@ -63,15 +64,26 @@ class Flag:
     help: str
 
 
-_FORCES_HELP = "accelerations, as in scene.yaml: '[{part: leaves, value_ms2: [3,0,0], to_s: 1}]'"
+_FORCES_HELP = "what acts, as in scene.yaml (docs/forces.md): '[{part: leaves, value_ms2: [3,0,0], to_s: 1}]'"
+_BOUNDARIES_HELP = "ground, walls, plates, pins, as in scene.yaml: '[{kind: ground, friction: 0.3}]'"
+_CHANGES_HELP = "materials that change, as in scene.yaml: '[{part: ice, from_s: 0.5, material: water}]'"
+SELECT_FLAGS = (
+    Flag("--select-box", "select.box", "X0,Y0,Z0,X1,Y1,Z1", "of a captured scene: what lies in this box is the object"),
+    Flag("--select-sphere", "select.sphere", "X,Y,Z,R", "of a captured scene: what lies in this ball is the object"),
+    Flag("--select-labels", "select.labels", "LIST", "of a captured scene: these numbers or names are the object"),
+    Flag("--select-labels-file", "select.labels_file", "FILE", ".npy or .npz that has the labels"),
+)
+"""What of a captured scene is the object."""
+
 SCENE_FLAGS = (
+    *SELECT_FLAGS,
     Flag("--up", "up", "AXIS", "which way is up: auto, x, -x, y, -y, z, -z or 0,0,1"),
     Flag("--height-m", "height_m", "METRES", "the object's real height"),
     Flag("--longest-m", "longest_m", "METRES", "the real length of its longest side, instead of its height"),
     Flag("--mask", "reconstruct.mask", "FILE", "of a picture: white where the object is"),
     Flag("--matte-model", "reconstruct.matte_model", "FILE", "ONNX network that finds the object in a picture"),
     Flag("--parts", "grouping.parts", "N", "number of parts to find"),
-    Flag("--motion", "motion.preset", "NAME", "what happens: auto, sway or rest"),
+    Flag("--motion", "motion.preset", "NAME", "what happens: auto, sway, drop, press, twist, melt or rest"),
     Flag("--wind", "motion.wind", "X,Y,Z", "direction of the gust in the input's axes"),
     Flag("--duration-s", "simulation.duration_s", "SECONDS", "length of the film"),
     Flag("--fps", "simulation.fps", "N", "frames per second"),
@@ -79,6 +91,8 @@ SCENE_FLAGS = (
     Flag("--threads", "simulation.threads", "N", "threads to use; the result does not depend on it"),
     Flag("--seed", "seed", "N", "of everything that is drawn at random"),
     Flag("--forces", "forces", "LIST", _FORCES_HELP),
+    Flag("--boundaries", "boundaries", "LIST", _BOUNDARIES_HELP),
+    Flag("--changes", "changes", "LIST", _CHANGES_HELP),
     Flag("--gravity", "gravity", "NAME", "rest: the shape given is at rest under gravity"),
 )  # fmt: skip
 """Everyday flags of the commands that simulate."""

@@ -177,6 +177,16 @@ class Body:
             material[name] = getattr(self, name)[members]
         return np.stack(law.prepare(material))
 
+    def has_materials_of(self, other: Body) -> bool:
+        """Whether all particles have the laws and numbers of another body of the same particles."""
+        assert self.law_numbers is not None and other.law_numbers is not None
+        names = ("law", "youngs_modulus_pa", "poisson_ratio", "density_kgm3")
+        if self is other or not all(np.array_equal(getattr(self, name), getattr(other, name)) for name in names):
+            return self is other
+        return self.law_numbers.keys() == other.law_numbers.keys() and all(
+            np.array_equal(values, other.law_numbers[name], equal_nan=True) for name, values in self.law_numbers.items()
+        )
+
     def with_law(self, law: LawId) -> Body:
         """The same body with one law for all particles."""
         return replace(self, law=np.full(len(self), int(law), np.int32))

@@ -22,6 +22,7 @@ from phys4dgen.mpm.loads import Selection, Vector, checked_vector
 
 __all__ = ["Drive", "DrivenNodes"]
 
+_OWN_SHARE = 0.499  # a node right between driven and free matter is driven
 _LEAST_MASS = 1e-6  # of the mean particle mass
 
 
@@ -112,7 +113,7 @@ class DrivenNodes:
         for number in present:
             total[:], own[:] = 0, 0
             node_masses(columns, owner_of_column, int(number), np.float32(1 / self._dx_m), shift, total, own)
-            places = np.argwhere((own > 0.5 * total) & (own > _LEAST_MASS)) + shift
+            places = np.argwhere((own > _OWN_SHARE * total) & (own > _LEAST_MASS)) + shift
             velocities = self._drives[number].velocities_ms(places * self._dx_m + self._origin_m, time_s)
             kinds = np.tile(np.array([STICKY, 0, -1], np.int32), (len(places), 1))
             planes = np.zeros((len(places), 7), np.float32)

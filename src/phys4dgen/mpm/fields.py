@@ -1,7 +1,7 @@
 """Loads that depend on where a particle is or how fast it moves: wind, attractor, vortex, noise, force per particle.
 
-A field is asked once per segment, in which no particle moves by more than a third of a cell; drag is then applied in
-each substep as v <- v + (1 - exp(-c dt)) (w - v), which is stable for any rate c.
+A field is asked once per segment, for its middle; no particle moves by more than a third of a cell in it. Drag is then
+applied in each substep as v <- v + (1 - exp(-c dt)) (w - v), which is stable for any rate c.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from phys4dgen.mpm.changes import MaterialChange
 from phys4dgen.mpm.drives import Drive
 from phys4dgen.mpm.loads import Load
 from phys4dgen.mpm.obstacles import Obstacle
@@ -55,6 +56,7 @@ class Settings:
         loads: forces over time windows (``loads``, ``fields``).
         drives: what moves as it is told (``drives``); of two on one node the later one counts.
         obstacles: solids besides the ground.
+        changes: materials that particles get in time.
         damping_per_s: mass-proportional damping alpha: velocities decay as exp(-alpha t); alpha = 4 pi zeta f1.
         damping_relative_to_rigid: damp only what differs from the body's rigid motion (momentum and angular momentum
             are kept); for bodies that are not held.
@@ -75,6 +77,7 @@ class Settings:
     loads: tuple[Load, ...] = ()
     drives: tuple[Drive, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
+    changes: tuple[MaterialChange, ...] = ()
     damping_per_s: float = 0.0
     damping_relative_to_rigid: bool = False
     cfl: float = 0.4

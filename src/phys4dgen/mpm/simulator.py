@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from phys4dgen.errors import SimulationError
 from phys4dgen.mpm import diagnostics
 from phys4dgen.mpm.body import Body
+from phys4dgen.mpm.changes import carry_over, changed_body, check_changes
 from phys4dgen.mpm.contacts import CONTACT_KINDS, GROUND_GAP_CELLS
 from phys4dgen.mpm.drives import DrivenNodes
 from phys4dgen.mpm.forces import Kicks
@@ -21,6 +22,7 @@ from phys4dgen.mpm.held import HeldNodes, with_simulated_skin
 from phys4dgen.mpm.kernels.compiled_pass import address_of_pass
 from phys4dgen.mpm.kernels.layout import AFFINE, LOAD, MASS, POSITION, VELOCITY
 from phys4dgen.mpm.kernels.rigid_pass import place_rigid
+from phys4dgen.mpm.kernels.shares import node_masses
 from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
 from phys4dgen.mpm.rigid import RigidParts
 from phys4dgen.mpm.settings import Settings
@@ -42,7 +44,8 @@ class Frame:
     Attributes:
         time_s: simulated time.
         positions_m: shape [P, 3], float64.
-        deformation_gradients: total F, shape [P, 3, 3], float32.
+        deformation_gradients: total F, shape [P, 3, 3], float32; of material that flows within limits
+            (``state.REMEMBERED_STRETCH``), of fluids the rotation.
         velocities_ms: shape [P, 3], float32.
         substeps: taken since the last frame.
         dt_s: their length, at the end of the frame.
@@ -50,7 +53,7 @@ class Frame:
         kinetic_energy_j, elastic_energy_j: of all that moves.
         momentum_kgms, angular_momentum_kgm2s: of all that moves, the latter about the coordinate origin, [3].
         reactions_n: mean force of the body on each obstacle since the last frame, then on the ground if there is one,
-            [O or O + 1, 3]; at nodes that soft and rigid particles share, of both.
+            [O or O + 1, 3].
         obstacle_shifts_m: how far each obstacle has moved, [O, 3].
     """
 
@@ -81,7 +84,11 @@ class Simulator:
         """Prepare; raises SimulationError where the body cannot be simulated with these settings."""
         if body.held.all():
             raise SimulationError("Nothing can move: all particles are held; hold fewer parts.")
-        too_stiff = stiff_parts(body, settings)
+        check_changes(body, settings.changes)
+        too_stiff = [
+            *stiff_parts(body, settings),
+            *stiff_parts(changed_body(body, settings.changes, math.inf), settings),
+        ]
         if too_stiff:
             raise SimulationError(f"The time step gets too small: {too_stiff[0]}.")
         self.body = body
@@ -91,17 +98,13 @@ class Simulator:
         self._ground_node = self._align_with_ground()
         places = (body.positions_m - self._origin_m) / settings.dx_m
         self._held = HeldNodes.from_body(body, places, dx_m=settings.dx_m, friction=settings.held_friction)
-        self._simulated = with_simulated_skin(body, self._held, places)
+        self._at_first = with_simulated_skin(body, self._held, places)
+        self._simulated = changed_body(self._at_first, settings.changes, 0.0)
         self._particles = Particles(self._simulated, origin_m=self._origin_m, chunks=settings.chunks)
         self._kicks = Kicks(body, gravity_ms2=settings.gravity_ms2, loads=settings.loads, origin_m=self._origin_m)
         self._driven = DrivenNodes(body, settings.drives, origin_m=self._origin_m, dx_m=settings.dx_m)
         self._solids = Solids(settings, origin_m=self._origin_m, mass_unit_kg=self._particles.mass_unit_kg)
-        self._particles.columns[LOAD] = self._kicks.row_of[self._particles.numbers]
-        self._passes = np.array([address_of_pass(law) for law in self._particles.laws])
-        soft = self._simulated.is_soft
-        self._viscosity_m2s = float(self._simulated.kinematic_viscosity_m2s[soft].max(initial=0.0))
-        self._resting_wave_speed_ms = self._simulated.wave_speed_ms
-        self._wave_speed_ms = self._fastest_wave_ms()
+        self._prepare_laws()
         self._rigid = RigidParts.from_body(
             body,
             origin_m=self._origin_m,
@@ -118,15 +121,33 @@ class Simulator:
                 place_rigid(
                     self._particles.columns, first, last, rigid.group_of, rigid.offsets, rigid.motion, rigid.constraint
                 )
-        stride = self._particles.columns.shape[1]
-        self._cells = np.full((3, stride), NEVER_SEEN, np.int32)
         self._extent = np.zeros(6, np.int64)
         self._max_speed_ms = self._inspect(frame=0, time_s=0.0)
         self._grid = self._lay_grid(frame=0, time_s=0.0)
         self._counts = np.zeros(0, np.int32)
-        self._order = np.zeros(stride, np.int32)
         self._frames_done = 0
         self.frame = self._make_frame(substeps=0, dt_s=0.0)
+
+    def _prepare_laws(self) -> None:
+        """All that depends on which particles have which law."""
+        particles, body = self._particles, self._simulated
+        particles.columns[LOAD] = self._kicks.row_of[particles.numbers]
+        self._passes = np.array([address_of_pass(law) for law in particles.laws])
+        self._viscosity_m2s = float(body.kinematic_viscosity_m2s[body.is_soft].max(initial=0.0))
+        self._resting_wave_speed_ms = body.wave_speed_ms
+        self._wave_speed_ms = self._fastest_wave_ms()
+        self._cells = np.full((3, particles.columns.shape[1]), NEVER_SEEN, np.int32)
+        self._order = np.zeros(particles.columns.shape[1], np.int32)
+
+    def _take_materials_of(self, time_s: float) -> None:
+        """Give particles the materials that they have at a time."""
+        body = changed_body(self._at_first, self.settings.changes, time_s)
+        if body.has_materials_of(self._simulated):
+            return
+        before, self._simulated = self._particles, body
+        self._particles = Particles(body, origin_m=self._origin_m, chunks=self.settings.chunks)
+        carry_over(before, self._particles)
+        self._prepare_laws()
 
     def _align_with_ground(self) -> int:
         """Lower the origin until the ground's highest node is a node of the grid; returns that node.
@@ -166,6 +187,9 @@ class Simulator:
         start_s = self._frames_done * settings.frame_time_s
         end_s = number * settings.frame_time_s
         self._solids.forget()
+        if self.settings.changes:
+            self._take_materials_of(start_s)
+            self._max_speed_ms = self._inspect(frame=number, time_s=start_s)
         load = self._kicks.peak_acceleration_ms2(start_s, end_s, **self._felt())
         taken, done, substeps, dt_s, planned_ms = 0, 0, 0, 0.0, 0.0
         while done < substeps or taken == 0:
@@ -211,6 +235,8 @@ class Simulator:
         Raises:
             SimulationError: it belongs to another body.
         """
+        if self.settings.changes and "done" in saved:  # the columns are those of the frame before the next change
+            self._take_materials_of((int(saved["done"][0]) - 1) * self.settings.frame_time_s)
         own = self.checkpoint()
         misfit = [name for name in own if name not in saved or not _alike(own[name], saved[name])]
         if misfit or len(saved) != len(own):
@@ -266,6 +292,7 @@ class Simulator:
         span_s = float(times_s[0]), float(times_s[-1])
         self._solids.begin(*span_s)
         self._set_contacts(0.5 * sum(span_s))
+        soft_share = self._soft_share_at_contacts()
         damping = -math.expm1(-settings.damping_per_s * dt_s)
         advance(
             self._passes,
@@ -289,7 +316,8 @@ class Simulator:
             self._rigid_arguments(),
         )
         particles.columns, particles.spare = particles.spare, particles.columns
-        self._solids.end(*span_s, grid.contacts, None if self._rigid is None else self._rigid.reactions)
+        reactions = None if self._rigid is None else self._rigid.reactions
+        self._solids.end(*span_s, grid.contacts, rigid=reactions, soft_share=soft_share)
 
     def _felt(self) -> dict[str, NDArray[Any]]:
         """What fields ask for: particles of the body, where they are and how fast; nothing where there are none."""
@@ -308,6 +336,19 @@ class Simulator:
         particles, place = self._particles, {"shift": grid.shift, "nodes": grid.nodes}
         driven = self._driven.entries(particles.columns, particles.numbers, time_s=time_s, **place)
         grid.set_contacts([*self._solids.entries(**place), *driven])
+
+    def _soft_share_at_contacts(self) -> NDArray[np.float64] | None:
+        """Share of soft particles in the mass at each contact; None where all is soft, or nobody asks."""
+        if self._rigid is None or self._solids.count == 0:
+            return None
+        columns, grid = self._particles.columns, self._grid
+        total, soft = np.zeros((2, *grid.nodes), np.float32)
+        is_soft = (self._rigid.group_of[self._particles.numbers] < 0).astype(np.int32)
+        node_masses(columns, is_soft, 1, 1 / self._dx, grid.shift, total, soft)
+        starts, nodes = grid.contacts[:2]
+        row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+        place = row * grid.nodes[2] + nodes[:, 0]
+        return soft.ravel()[place] / np.maximum(total.ravel()[place], 1e-12).astype(np.float64)
 
     def _set_speed_ms(self, from_s: float, to_s: float) -> float:
         """The largest speed of what obstacles and drives move between two times."""
@@ -399,6 +440,7 @@ class Simulator:
 
     def _make_frame(self, *, substeps: int, dt_s: float) -> Frame:
         body, particles, dx_m = self._simulated, self._particles, self.settings.dx_m
+        particles.limit_stretch()
         moving = particles.moving
         mass = body.mass_kg[moving]
         x, v = particles.positions_m(), particles.velocities_ms()

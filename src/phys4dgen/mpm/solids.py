@@ -13,7 +13,7 @@ from phys4dgen.mpm.settings import Settings
 
 __all__ = ["Solids"]
 
-_GAP_CELLS = 0.25
+_GAP_CELLS = 0.0
 """Nodes at least this deep stop what is soft: a body rests 0.65 to 0.93 cells above the highest of them, which lie up
 to one cell deeper."""
 
@@ -85,12 +85,29 @@ class Solids:
                 self.shifts_m[number], self.velocities_ms[number] = travel * way, speed * way
                 self.state[number] = travel + speed * (to_s - from_s), speed, 0.0
 
-    def end(self, from_s: float, to_s: float, contacts: tuple[NDArray[Any], ...], rigid: NDArray[Any] | None) -> None:
-        """Take the impulses of the segment from the grid's contacts and the rigid groups, and set them to zero."""
+    def end(
+        self,
+        from_s: float,
+        to_s: float,
+        contacts: tuple[NDArray[Any], ...],
+        *,
+        rigid: NDArray[np.float64] | None,
+        soft_share: NDArray[np.floating] | None,
+    ) -> None:
+        """Take the impulses of a segment from the grid's contacts and the rigid groups, and set them to zero.
+
+        Args:
+            from_s: start of the segment.
+            to_s: its end.
+            contacts: of the grid.
+            rigid: impulses on rigid groups, [count, 3], or None without them.
+            soft_share: share of the mass at each contact that reads the limited velocity, or None: all.
+        """
         _, nodes, _, impulses = contacts
         numbered = nodes[:, 3] >= 0
         taken = np.zeros((self.count, 3))
-        np.add.at(taken, nodes[numbered, 3], impulses[numbered])
+        felt = impulses if soft_share is None else impulses * soft_share[:, None]
+        np.add.at(taken, nodes[numbered, 3], felt[numbered])
         impulses[:] = 0
         if rigid is not None:
             taken += rigid

@@ -100,7 +100,7 @@ def part_names_of_run(folder: Path | str) -> tuple[str, ...]:
 def with_moves(scene: Scene, moves: Moves, *, edits: Sequence[PartEdit]) -> Scene:
     """The scene with other edits; options and forces follow the parts that they were meant for."""
     tree = scene.model_dump()
-    lists = {key: _followed_entries(tree[key], moves) for key in ("forces", "boundaries")}
+    lists = {key: _followed_entries(tree[key], moves) for key in ("forces", "boundaries", "changes")}
     dumped = tuple(edit.model_dump() for edit in edits)
     options = _followed(tree["parts"], moves)
     return scene.with_overrides({"grouping.edits": dumped, "parts": options, **lists})
@@ -170,5 +170,5 @@ def _moves_back(scene: Scene, edit: PartEdit, *, earlier: Sequence[PartEdit]) ->
 
 def _mentioned(scene: Scene) -> list[str]:
     """Names of parts with options or forces of their own."""
-    entries = [getattr(entry, "part", ALL_PARTS) for entry in (*scene.forces, *scene.boundaries)]
+    entries = [getattr(entry, "part", ALL_PARTS) for entry in (*scene.forces, *scene.boundaries, *scene.changes)]
     return list(dict.fromkeys((*scene.parts, *(part for part in entries if part != ALL_PARTS))))

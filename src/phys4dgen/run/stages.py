@@ -45,9 +45,9 @@ class Stage:
     files: tuple[str, ...]
 
 
-_SOURCE = ("input", "reconstruct")
+_SOURCE = ("input", "select", "reconstruct")
 _ASSET = (*_SOURCE, "up", "height_m", "longest_m", "simulation.scale")
-_SOURCE_CODE = ("types", "formats", "render", "vector", "reconstruct", "stages/reconstruct.py")
+_SOURCE_CODE = ("types", "formats", "render", "vector", "reconstruct", "stages/reconstruct.py", "stages/selection.py")
 _GROUPING_STAGES = ("stages/grouping.py", "stages/segmentation.py", "stages/naming.py")
 _SHARED_CODE = (*_SOURCE_CODE, "upright", "stages/asset.py", "stages/views.py")
 
@@ -99,7 +99,17 @@ STAGES = (
     ),
     Stage(
         "simulate",
-        settings=(*_ASSET, "parts", "motion", "forces", "gravity", "gravity_ms2", "boundaries", "simulation"),
+        settings=(
+            *_ASSET,
+            "parts",
+            "motion",
+            "forces",
+            "gravity",
+            "gravity_ms2",
+            "boundaries",
+            "changes",
+            "simulation",
+        ),
         ignores=("parts.*.material", "parts.*.interior_material", "simulation.threads"),
         takes=("parts", "part names", "particles", "materials"),
         makes=("motion",),
@@ -107,7 +117,8 @@ STAGES = (
             *_SHARED_CODE,
             *("mpm", "body.py", "joints.py", "motion.py", "animate"),
             *("stages/motion.py", "stages/motion_plan.py", "stages/motion_facts.py", "stages/motion_loads.py"),
-            *("stages/motion_obstacles.py", "stages/motion_presets.py"),
+            *("stages/motion_changes.py", "stages/motion_obstacles.py", "stages/motion_presets.py"),
+            "stages/simulation.py",
         ),
         files=("trajectory.npz", "motion.json"),
     ),
@@ -117,7 +128,7 @@ STAGES = (
         ignores=(),
         takes=("motion",),
         makes=(),
-        code=(*_SHARED_CODE, "animate", "export", "stages/film.py"),
+        code=(*_SHARED_CODE, "animate", "export", "stages/film.py", "stages/backdrop.py"),
         files=("frames/frame_*.ply", "video.mp4", "video.webp", "preview.png", "contact_sheet.png"),
     ),
 )
@@ -234,6 +245,7 @@ def scene_settings(scene: Scene) -> dict[str, Any]:
         ("reconstruct.mask", scene.reconstruct.mask),
         ("reconstruct.matte_model", scene.reconstruct.matte_model),
         ("reconstruct.checkpoint", scene.reconstruct.checkpoint),
+        ("select.labels_file", scene.select.labels_file),
         ("grouping.labels_file", scene.grouping.labels_file),
         ("grouping.named_picture.picture", None if named is None else named.picture),
         ("grouping.named_picture.segments", None if named is None else named.segments),
@@ -270,6 +282,7 @@ def _concerns(stage: Stage, key: str) -> bool:
 
 _FILES = (
     *("input", "reconstruct.mask", "reconstruct.matte_model", "reconstruct.checkpoint", "reconstruct.views"),
+    "select.labels_file",
     *("grouping.labels_file", "grouping.named_picture.picture", "grouping.named_picture.segments", "materials.file"),
 )
 """Keys whose values are files, compared by content."""

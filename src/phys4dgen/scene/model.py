@@ -22,11 +22,13 @@ from phys4dgen.scene.sections import (
     Ground,
     Grouping,
     Interior,
+    MaterialChange,
     Materials,
     Motion,
     Output,
     PartOptions,
     Reconstruct,
+    Select,
     Simulation,
     ViewSet,
 )
@@ -53,6 +55,7 @@ class Scene(Section):
     seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
     """of everything that is drawn at random"""
     reconstruct: Reconstruct = Field(default_factory=Reconstruct)
+    select: Select = Field(default_factory=Select)
     views: ViewSet = Field(default_factory=ViewSet)
     grouping: Grouping = Field(default_factory=Grouping)
     interior: Interior = Field(default_factory=Interior)
@@ -70,6 +73,8 @@ class Scene(Section):
     """acceleration of gravity in the input's axes; auto: 9.81 downwards"""
     boundaries: tuple[Boundary, ...] = ()
     """what the object may not pass, and what is pinned, see docs/forces.md; drop adds a ground where none is given"""
+    changes: tuple[MaterialChange, ...] = ()
+    """materials that change in time, see docs/forces.md"""
     simulation: Simulation = Field(default_factory=Simulation)
     output: Output = Field(default_factory=Output)
 
@@ -78,7 +83,9 @@ class Scene(Section):
     def _lists_to_tuples(cls, data: Any) -> Any:
         """YAML has lists only; in strict mode pydantic wants the tuple."""
         if isinstance(data, Mapping):
-            lists = {key: tuple(data[key]) for key in ("forces", "boundaries") if isinstance(data.get(key), list)}
+            lists = {
+                key: tuple(data[key]) for key in ("forces", "boundaries", "changes") if isinstance(data.get(key), list)
+            }
             return {**data, **lists}
         return data
 
@@ -160,6 +167,8 @@ class Scene(Section):
         paths: dict[str, Any] = {name: folder / path for name, path in named.items() if path is not None}
         paths["views"] = tuple(folder / path for path in self.reconstruct.views)
         sections: dict[str, Any] = {"grouping": self.grouping.with_paths_from(folder), "materials": materials}
+        if self.select.labels_file is not None:
+            sections["select"] = self.select.model_copy(update={"labels_file": folder / self.select.labels_file})
         sections["clip"] = self.clip.with_paths_from(folder)
         sections["reconstruct"] = self.reconstruct.model_copy(update=paths)
         return self.model_copy(update={"input": folder / self.input, **sections})

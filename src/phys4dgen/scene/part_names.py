@@ -66,7 +66,7 @@ def _mentioned(scene: Scene) -> dict[str, str]:
     places = {f"parts.{name}": name for name in scene.parts}
     if scene.motion.part is not None:
         places["motion.part"] = scene.motion.part
-    for section, entries in (("forces", scene.forces), ("boundaries", scene.boundaries)):
+    for section, entries in (("forces", scene.forces), ("boundaries", scene.boundaries), ("changes", scene.changes)):
         for i, entry in enumerate(entries):
             part = getattr(entry, "part", ALL_PARTS)
             if part != ALL_PARTS:

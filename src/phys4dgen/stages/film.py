@@ -16,8 +16,10 @@ from phys4dgen.render.cameras import video_path
 from phys4dgen.render.ground import ShadowPlane
 from phys4dgen.render.gsplat_backend import GsplatRasteriser, gsplat_is_ready
 from phys4dgen.render.rasterise import Rasteriser
+from phys4dgen.render.solids import Solid, composite_solids
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
+from phys4dgen.stages.backdrop import Backdrop
 from phys4dgen.stages.motion import Motion
 from phys4dgen.stages.overlays import Overlay
 from phys4dgen.types import Camera
@@ -32,7 +34,7 @@ class FilmFrame:
     Attributes:
         index: from 0.
         image: [H, W, 3], uint8.
-        means, rotations: of all Gaussians; rotations turn the colours.
+        means, rotations: of the object's Gaussians; rotations turn the colours.
         axes: returns quaternions (w, x, y, z) and scales; to be asked of every frame in order, or of none, because
             the axes of a frame continue those of the frame before.
     """
@@ -61,6 +63,7 @@ class Film:
     frames: Callable[[], Iterator[FilmFrame]]
 
 
+_OBSTACLE_MARGIN = 0.15
 _BACKGROUNDS = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0), "grey": (0.5, 0.5, 0.5)}
 
 
@@ -92,22 +95,25 @@ def film(scene: Scene, asset: Asset, motion: Motion, progress: Progress, *, over
 
     def frames() -> Iterator[FilmFrame]:
         deformer, tracker, rasteriser = Deformer(gaussians), AxisTracker(gaussians), _rasteriser()
+        backdrop = Backdrop(asset, is_overlay=overlay is not None)
         for k, (positions, gradients) in enumerate(motion.frames()):
             rotations, covariances6 = deformer.deform(gradients)
-            picture = rasteriser.render(
+            picture = backdrop.render(
+                rasteriser,
                 positions,
                 covariances6,
-                gaussians.opacities,
+                rotations,
                 camera=cameras[k],
-                sh=gaussians.sh if overlay is None else None,
-                colors=None if overlay is None else overlay.colors(positions, gradients),
-                sh_rotations=rotations if overlay is None else None,
                 background=background,
+                colors=None if overlay is None else overlay.colors(positions, gradients),
             )
             rgb = picture.rgb
             if ground is not None:
                 darkness = ground.darkness(positions, covariances6, gaussians.opacities)
                 rgb = ground.composite(picture, darkness, camera=cameras[k], background=background)
+            solids = _solids_at(asset, motion, k)
+            if solids:
+                rgb = composite_solids(picture, rgb, solids, camera=cameras[k], background=background)
             image = np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
             if overlay is not None:
                 image = overlay.annotate(image, float(motion.times_s[k]), positions, cameras[k])
@@ -132,6 +138,18 @@ def _ground(asset: Asset, motion: Motion, lower: NDArray[np.float64], upper: NDA
     return ShadowPlane(lower=lower, upper=upper, height=height, rotation=asset.frame.rotation)
 
 
+def _solids_at(asset: Asset, motion: Motion, frame: int) -> list[Solid]:
+    """The obstacles that are there in a frame, where they are."""
+    facts, time_s = motion.facts, float(motion.times_s[frame])
+    found = []
+    for drawn in facts.obstacles:
+        if drawn["from_s"] <= time_s and (drawn["to_s"] is None or time_s < drawn["to_s"]):
+            shift = asset.frame.from_metres(np.array(facts.obstacle_shifts_m[frame][drawn["number"]]))
+            half, axes = np.array(drawn["half"], np.float64), np.array(drawn["axes"], np.float64)
+            found.append(Solid(np.array(drawn["center"]) + shift, half, float(drawn["radius"]), axes))
+    return found
+
+
 def _swept_box(asset: Asset, motion: Motion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The robust box of everything the object passes through, upright axes, input units."""
     # The haze round a capture would make the object small in the picture.
@@ -139,9 +157,16 @@ def _swept_box(asset: Asset, motion: Motion) -> tuple[NDArray[np.float64], NDArr
     visible = solid if len(solid) > 1000 else np.arange(len(asset.gaussians))
     sample = visible[:: max(1, len(visible) // 20_000)]
     lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
-    for positions, _ in motion.frames():
+    corners: list[NDArray[np.float64]] = []
+    for k, (positions, _) in enumerate(motion.frames()):
         points = positions[sample].astype(np.float64) @ asset.frame.rotation.T
         low, high = np.percentile(points, [0.2, 99.8], axis=0)
         lower, upper = np.minimum(lower, low), np.maximum(upper, high)
+        corners += [solid.corners @ asset.frame.rotation.T for solid in _solids_at(asset, motion, k)]
+    if corners:  # so much of the obstacles as does not make the object small
+        reach = _OBSTACLE_MARGIN * (upper - lower).max()
+        around = np.concatenate(corners)
+        lower = np.maximum(np.minimum(lower, around.min(0)), lower - reach)
+        upper = np.minimum(np.maximum(upper, around.max(0)), upper + reach)
     margin = 0.02 * (upper - lower).max()
     return lower - margin, upper + margin

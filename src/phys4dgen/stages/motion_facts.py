@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,6 +25,13 @@ class RigidPart:
     part: str
     bodies: tuple[int, ...]
     reason: str
+
+
+_PER_FRAME = (
+    *("substeps", "dt_s", "max_speed_ms", "energy_kinetic_j", "energy_elastic_j", "momentum_kgms"),
+    *("obstacle_shifts_m", "reactions_n"),
+)
+"""What ``MotionFacts.record`` adds to."""
 
 
 @dataclass
@@ -93,3 +101,12 @@ class MotionFacts:
         self.momentum_kgms.append(frame.momentum_kgms.tolist())
         self.obstacle_shifts_m.append(frame.obstacle_shifts_m.tolist())
         self.reactions_n.append(frame.reactions_n.tolist())
+
+    def history(self) -> dict[str, list[Any]]:
+        """What ``record`` noted, by name."""
+        return {name: getattr(self, name) for name in _PER_FRAME}
+
+    def take_history(self, history: Mapping[str, list[Any]]) -> None:
+        """Stand where another process stood when it gave ``history``."""
+        for name in _PER_FRAME:
+            setattr(self, name, list(history[name]))

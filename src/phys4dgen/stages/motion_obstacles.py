@@ -15,10 +15,13 @@ from phys4dgen import scene as sections
 from phys4dgen.mpm import HalfSpace, HollowBall, Motion, Obstacle, Push, RoundedBox
 from phys4dgen.types import Frame
 
-__all__ = ["ObstacleMaker", "drawn_obstacles"]
+__all__ = ["ObstacleMaker", "Solid", "drawn_obstacles"]
 
 _PLATE_THICKNESS = 0.05
 """Of a plate, of its shorter edge."""
+
+_LEAST_CELLS = 3.0
+"""Half the thickness from which an obstacle stops everything; particles slip through thinner ones."""
 
 _PLATE_INERTIA = 0.2
 """Mass of a plate that pushes with a force, of a weight of that force: light, so that it does not bounce."""
@@ -29,6 +32,19 @@ Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
+class Solid:
+    """An obstacle and what a film shows of it.
+
+    Attributes:
+        obstacle: as the solver has it.
+        drawn: None: nothing, for it has no end or would hide the object.
+    """
+
+    obstacle: Obstacle
+    drawn: RoundedBox | None
+
+
+@dataclass(frozen=True, eq=False)
 class ObstacleMaker:
     """Turns boundaries into obstacles.
 
@@ -36,15 +52,17 @@ class ObstacleMaker:
         frame: input coordinates -> metres.
         points_m: particles at rest, metres, z up, [P, 3].
         margin_m: how far material reaches beyond its particles.
+        cell_m: grid cell of the simulation.
     """
 
     frame: Frame
     points_m: NDArray[np.float64]
     margin_m: float
+    cell_m: float
 
-    def obstacles(self, boundaries: Iterable[sections.Boundary]) -> tuple[Obstacle, ...]:
+    def solids(self, boundaries: Iterable[sections.Boundary]) -> tuple[Solid, ...]:
         """All solids but the ground, in the order of the boundaries; a container gives one for each wall."""
-        found: list[Obstacle] = []
+        found: list[Solid] = []
         for boundary in boundaries:
             match boundary:
                 case sections.Plate():
@@ -58,15 +76,11 @@ class ObstacleMaker:
                     | sections.CapsuleObstacle()
                 ):
                     to_s = math.inf if boundary.to_s is None else boundary.to_s
-                    found.append(
-                        Obstacle(
-                            self._shape(boundary),
-                            motion=self._motion(boundary),
-                            from_s=boundary.from_s,
-                            to_s=to_s,
-                            **_touch(boundary),
-                        )
+                    shape = self._shape(boundary)
+                    obstacle = Obstacle(
+                        shape, motion=self._motion(boundary), from_s=boundary.from_s, to_s=to_s, **_touch(boundary)
                     )
+                    found.append(Solid(obstacle, shape if isinstance(shape, RoundedBox) else None))
                 case _:
                     pass  # the ground is the solver's own; pins and releases are drives
         return tuple(found)
@@ -99,7 +113,7 @@ class ObstacleMaker:
         to_s = math.inf if solid.to_s is None else solid.to_s
         return Motion.steady(_triple(self.frame.rotation @ np.array(solid.velocity_ms)), from_s=solid.from_s, to_s=to_s)
 
-    def _plate(self, plate: sections.Plate) -> Obstacle:
+    def _plate(self, plate: sections.Plate) -> Solid:
         down = -self.frame.up if isinstance(plate.towards, str) else np.array(plate.towards)
         way = self.frame.rotation @ (down / np.linalg.norm(down))
         axes = _axes_with_z(way)
@@ -111,22 +125,27 @@ class ObstacleMaker:
         rounding = 0.4 * half[2]
         middle = 0.5 * (low + high)
         middle[2] = low[2] - half[2] - plate.gap_rel * extent[2]
-        shape = RoundedBox(_triple(axes @ middle), _triple(half - rounding), rounding, rotation=axes)
+        drawn = RoundedBox(_triple(axes @ middle), _triple(half - rounding), rounding, rotation=axes)
+        # the grid wants it thick: what is hidden behind the plate is as solid as the plate
+        hidden = np.array([0.0, 0.0, max(_LEAST_CELLS * self.cell_m - half[2], 0.0)])
+        shape = RoundedBox(
+            _triple(axes @ (middle - hidden)), _triple(half - rounding + hidden), rounding, rotation=axes
+        )
         if plate.force_n is not None:
-            return Obstacle(shape, push=_push(plate, plate.force_n, way), **_touch(plate))
+            return Solid(Obstacle(shape, push=_push(plate, plate.force_n, way), **_touch(plate)), drawn)
         pressed = plate.from_s + plate.press_s
         times, travel = [plate.from_s, pressed], [0.0, (plate.gap_rel + plate.depth_rel) * extent[2]]
         if plate.release_s is not None:
             if plate.hold_s > 0:
                 times, travel = [*times, pressed + plate.hold_s], [*travel, travel[-1]]
             times, travel = [*times, pressed + plate.hold_s + plate.release_s], [*travel, 0.0]
-        return Obstacle(shape, motion=Motion(np.array(times), np.outer(travel, way)), **_touch(plate))
+        return Solid(Obstacle(shape, motion=Motion(np.array(times), np.outer(travel, way)), **_touch(plate)), drawn)
 
-    def _container(self, container: sections.Container) -> list[Obstacle]:
+    def _container(self, container: sections.Container) -> list[Solid]:
         shape = container.shape
         if isinstance(shape, sections.SphereRegion):
             ball = HollowBall(self._point(shape.center), shape.radius * self.frame.metres_per_unit)
-            return [Obstacle(ball, **_touch(container))]
+            return [Solid(Obstacle(ball, **_touch(container)), None)]
         if shape is None:
             low, high = self.points_m.min(0) - self.margin_m, self.points_m.max(0) + self.margin_m
             away = container.margin_rel * float((high - low).max())
@@ -140,7 +159,7 @@ class ObstacleMaker:
             for side in (-1.0, 1.0):
                 outwards = side * axes[:, axis]
                 wall = HalfSpace(_triple(center + half[axis] * outwards), _triple(-outwards))
-                walls.append(Obstacle(wall, **_touch(container)))
+                walls.append(Solid(Obstacle(wall, **_touch(container)), None))
         return walls
 
     def _point(self, values: Iterable[float]) -> Vector:
@@ -154,15 +173,12 @@ class ObstacleMaker:
         return self.frame.rotation @ Rotation.from_euler("xyz", rotation_deg, degrees=True).as_matrix()
 
 
-def drawn_obstacles(obstacles: Iterable[Obstacle], frame: Frame) -> list[dict[str, Any]]:
-    """What a film can draw of obstacles, in the input's coordinates: rounded boxes, by number, and when they are there.
-
-    Walls without end and hollow balls are not drawn: they would hide the object.
-    """
+def drawn_obstacles(solids: Iterable[Solid], frame: Frame) -> list[dict[str, Any]]:
+    """What a film draws of obstacles, in the input's coordinates: rounded boxes, by number, and when they are there."""
     drawn = []
-    for number, obstacle in enumerate(obstacles):
-        shape = obstacle.shape
-        if isinstance(shape, RoundedBox):
+    for number, solid in enumerate(solids):
+        shape, obstacle = solid.drawn, solid.obstacle
+        if shape is not None:
             drawn.append(
                 {
                     "number": number,

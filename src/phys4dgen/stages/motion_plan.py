@@ -28,9 +28,10 @@ from phys4dgen.progress import Progress
 from phys4dgen.scene import Ground as GroundOptions
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
+from phys4dgen.stages.motion_changes import material_changes
 from phys4dgen.stages.motion_facts import MotionFacts, RigidPart
 from phys4dgen.stages.motion_loads import LoadMaker, pinned, told_parts
-from phys4dgen.stages.motion_obstacles import ObstacleMaker, drawn_obstacles
+from phys4dgen.stages.motion_obstacles import ObstacleMaker, Solid, drawn_obstacles
 from phys4dgen.stages.motion_presets import Circumstances, acts_by_itself, circumstances, twist
 from phys4dgen.types import Continuum, MaterialBook, Parts
 
@@ -140,7 +141,7 @@ def _prepare(given: _Given, preset: str) -> _Prepared:
     """Decide what is held and what is rigid; parts too stiff for the budget become rigid one after the other."""
     scene, asset, parts, continuum = given.scene, given.asset, given.parts, given.continuum
     options = {name: choice.hold for name, choice in scene.parts.items()}
-    around = circumstances(scene, asset, preset)
+    around = circumstances(scene, asset, parts, given.book, preset)
     named = {name: "free" for name in told_parts(scene.forces)}
     named |= {name: hold for name, hold in options.items() if hold != "auto"}
     held = choose_held(continuum, parts, frame=asset.frame, holds=named, automatic=around.holds_what_stands)
@@ -240,19 +241,28 @@ def _settings(given: _Given, around: Circumstances, held: Held, body: Body) -> S
             friction=ground.friction,
             restitution=ground.restitution,
         )
-    solids = ObstacleMaker(asset.frame, asset.frame.to_metres(continuum.positions), margin_m)
     return Settings(
         dx_m=asset.cell_m,
         frame_time_s=scene.frame_time_s,
         gravity_ms2=around.gravity_ms2,
         ground=plane,
-        obstacles=solids.obstacles(around.boundaries),
+        changes=material_changes(
+            around.changes, continuum=continuum, parts=given.parts, book=given.book, frame=asset.frame
+        ),
+        obstacles=tuple(solid.obstacle for solid in _solids(given, around)),
         damping_relative_to_rigid=not held.particles.any(),
         cfl=scene.simulation.cfl,
         chunks=_chunks(scene),
         max_substeps_per_frame=scene.simulation.substep_limit,
         fewest_substeps_per_frame=2 if scene.paper_scale is None else scene.paper_scale.substeps,
     )
+
+
+def _solids(given: _Given, around: Circumstances) -> tuple[Solid, ...]:
+    asset, continuum = given.asset, given.continuum
+    points_m = asset.frame.to_metres(continuum.positions)
+    maker = ObstacleMaker(asset.frame, points_m, margin_m=0.5 * continuum.spacing_m, cell_m=asset.cell_m)
+    return maker.solids(around.boundaries)
 
 
 def _ground_below_m(scene: Scene, asset: Asset, preset: str, ground: GroundOptions) -> float:
@@ -266,7 +276,7 @@ def _probe(given: _Given, prepared: _Prepared) -> ProbeResult:
     started = time.perf_counter()
     probe = probe_gust(
         prepared.assembly.body,
-        replace(prepared.settings, ground=None, obstacles=()),
+        replace(prepared.settings, ground=None, obstacles=(), changes=()),
         direction_up=_wind_up(scene, asset),
         duration_s=scene.motion.duration_s,
         aim_m=scene.motion.amplitude_rel * asset.height_m,
@@ -296,7 +306,7 @@ def _finish(given: _Given, prepared: _Prepared, probe: ProbeResult | None, *, wh
         facts.ground_below_m = _ground_below_m(scene, asset, preset, around.ground)
     if settings.ground is not None:
         facts.ground_height_m = settings.ground.height_m
-    facts.obstacles = drawn_obstacles(settings.obstacles, asset.frame)
+    facts.obstacles = drawn_obstacles(_solids(given, around), asset.frame)
     if why:
         progress.note(f"Motion: {why}.")
     loads, drives = _loads(given, prepared)
@@ -314,6 +324,9 @@ def _finish(given: _Given, prepared: _Prepared, probe: ProbeResult | None, *, wh
         progress.note(f"Gust of {strength:.3g} m/s2 for {scene.motion.duration_s:g} s; held: {facts.held}.")
     if preset in ("press", "twist"):
         progress.note(f"{preset.capitalize()}: {facts.held}.")
+    for change in around.changes:
+        becomes, until_s = change.material or change.law or "another material", change.from_s + change.over_s
+        progress.note(f"Part '{change.part}' becomes {becomes} from {change.from_s:g} to {until_s:g} s.")
     if preset == "drop":
         progress.note(f"Falls {1e3 * (facts.ground_below_m or 0):.0f} mm to the ground; {facts.held}.")
     for part in prepared.rigid:

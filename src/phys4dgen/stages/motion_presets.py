@@ -16,6 +16,7 @@ from phys4dgen.scene import (
     Boundary,
     Container,
     Ground,
+    MaterialChange,
     Pin,
     PlaneObstacle,
     Plate,
@@ -25,6 +26,8 @@ from phys4dgen.scene import (
     VelocitySet,
 )
 from phys4dgen.stages.asset import Asset
+from phys4dgen.stages.motion_changes import melting
+from phys4dgen.types import MaterialBook, Parts
 
 __all__ = ["Circumstances", "acts_by_itself", "circumstances", "twist"]
 
@@ -46,6 +49,7 @@ class Circumstances:
         gravity: whether weight acts.
         gravity_ms2: when it does, z up.
         boundaries: of the scene and of the preset.
+        changes: of materials, likewise.
         holds_what_stands: whether what stands on the ground is held where the user does not say what is.
     """
 
@@ -53,6 +57,7 @@ class Circumstances:
     gravity: Literal["rest", "on", "off"]
     gravity_ms2: tuple[float, float, float]
     boundaries: tuple[Boundary, ...]
+    changes: tuple[MaterialChange, ...]
     holds_what_stands: bool
 
     @property
@@ -66,26 +71,44 @@ def acts_by_itself(scene: Scene) -> bool:
     return bool(scene.forces) or any(not isinstance(boundary, Ground) for boundary in scene.boundaries)
 
 
-def circumstances(scene: Scene, asset: Asset, preset: str) -> Circumstances:
-    """What happens to the object besides its forces."""
+def circumstances(scene: Scene, asset: Asset, parts: Parts, book: MaterialBook, preset: str) -> Circumstances:
+    """What happens to the object besides its forces.
+
+    Raises:
+        SceneError: ``melt`` does not know what melts.
+    """
     kinds = {type(boundary) for boundary in scene.boundaries}
     boundaries = scene.boundaries
     if preset == "press" and Plate not in kinds:
         boundaries = (*boundaries, _plate(scene))
-    if preset in ("drop", "press") and Ground not in kinds:
+    if preset in ("drop", "press", "melt") and Ground not in kinds:
         # without weight nothing but the ground keeps what is pressed from jumping off when it is let go
-        extra = {"friction": _PRESS_FRICTION, "contact": "sticky"} if preset == "press" else {}
-        boundaries = (*boundaries, Ground(**extra))
+        glued = Ground(friction=_PRESS_FRICTION, contact="sticky")
+        boundaries = (*boundaries, glued if preset == "press" else Ground())
+    changes = scene.changes
+    if preset == "melt":
+        part = _melting_part(scene, parts)
+        density_kgm3 = book.parts[part].interior.density_kgm3
+        changes = (*changes, melting(scene, part, density_kgm3, asset.height_m))
     gravity = scene.gravity
     if gravity == "auto":
-        gravity = "on" if preset == "drop" or scene.gravity_ms2 != "auto" else "rest"
+        gravity = "on" if preset in ("drop", "melt") or scene.gravity_ms2 != "auto" else "rest"
     return Circumstances(
         preset,
         gravity,
         _gravity_ms2(scene, asset) if gravity == "on" else (0.0, 0.0, 0.0),
         boundaries,
+        changes,
         _holds_what_stands(scene, preset, gravity),
     )
+
+
+def _melting_part(scene: Scene, parts: Parts) -> str:
+    if scene.motion.part is not None:
+        return scene.motion.part
+    if parts.count == 1:
+        return parts.names[0]
+    raise SceneError(f"motion: say what melts with 'part' (--motion.part NAME): {', '.join(parts.names)}.")
 
 
 def _plate(scene: Scene) -> Plate:

@@ -14,6 +14,7 @@ from phys4dgen.scene.sections.boundaries import (
     SphereObstacle,
     Waypoint,
 )
+from phys4dgen.scene.sections.changes import MaterialChange
 from phys4dgen.scene.sections.forces import (
     AccelerationForce,
     Attractor,
@@ -35,6 +36,7 @@ from phys4dgen.scene.sections.output import Output, Video
 from phys4dgen.scene.sections.parts import PartOptions
 from phys4dgen.scene.sections.reconstruct import Reconstruct
 from phys4dgen.scene.sections.regions import BoxRegion, CylinderRegion, Region, SphereRegion
+from phys4dgen.scene.sections.select import Select
 from phys4dgen.scene.sections.simulation import Simulation
 from phys4dgen.scene.sections.values import ALL_PARTS
 from phys4dgen.scene.sections.views import ViewSet
@@ -54,6 +56,7 @@ __all__ = [
     "Grouping",
     "Impulse",
     "Interior",
+    "MaterialChange",
     "Materials",
     "Motion",
     "Noise",
@@ -69,6 +72,7 @@ __all__ = [
     "Region",
     "Release",
     "RotationSet",
+    "Select",
     "Simulation",
     "SphereObstacle",
     "SphereRegion",

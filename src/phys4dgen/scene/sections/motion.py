@@ -14,12 +14,12 @@ __all__ = ["Motion"]
 class Motion(Section):
     """What happens to the object, besides the forces given."""
 
-    preset: Literal["auto", "sway", "drop", "press", "twist", "rest"] = "auto"
+    preset: Literal["auto", "sway", "drop", "press", "twist", "melt", "rest"] = "auto"
     """sway: a gust on what is not held; drop: falls on a ground; press: a plate comes from above and goes back; twist:
-    the top is turned and let go; rest: nothing; auto: rest where forces or solid boundaries are given, else sway if a
+    the top is turned and let go; melt: a part becomes fluid; rest: nothing; auto: rest where forces or solid boundaries are given, else sway if a
     gust of 3 g is enough for it and breaks nothing, else drop"""
     part: PartName | None = None
-    """of twist: what is turned; null: the highest fifth"""
+    """of melt: what melts; of twist: what is turned, null: the highest fifth"""
     wind: Auto | Direction = "auto"
     """direction of the gust in the input's axes; auto: horizontal"""
     amplitude_rel: Annotated[float, Field(gt=0, le=0.5)] = 0.10
