@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from phys4dgen.interior import discover_interior
+from phys4dgen.render.cameras import view_cameras
+from phys4dgen.render.views import render_views
+from phys4dgen.types import Frame, Gaussians, Parts, rotation_to_z_up
 from phys4dgen.types.color import srgb_to_lab
 from phys4dgen.zoo import ZooObject, bundled
-from phys4dgen.zoo.captured import FLOATER, as_captured
+from phys4dgen.zoo.captured import FLOATER, as_captured, without_underside
 
 
 @pytest.fixture(scope="module")
@@ -61,3 +65,25 @@ def test_same_seed_gives_the_same_arrays_and_another_does_not(duck):
         np.testing.assert_array_equal(getattr(first[0], field), getattr(second[0], field))
     np.testing.assert_array_equal(first[1], second[1])
     assert not np.array_equal(first[0].means[:100], other[0].means[:100])
+
+
+def filled_m3(zoo: ZooObject, gaussians: Gaussians, labels: np.ndarray) -> float:
+    rotation = rotation_to_z_up(zoo.up)
+    lower, upper = zoo.gaussians.robust_bounds(rotation=rotation)
+    cameras = view_cameras("carve", lower=lower, upper=upper, rotation=rotation, size_px=192)
+    found = discover_interior(
+        gaussians, render_views(gaussians, cameras), Parts(labels, zoo.part_names, "zoo"),
+        frame=Frame(rotation, zoo.metres_per_unit), cell=float((upper - lower).max()) / 24,
+    )  # fmt: skip
+    return float(found.continuum.volume_m3.sum())
+
+
+@pytest.mark.parametrize("name", ["snowman", "rubber_duck"])
+def test_objects_that_nobody_lifted_fill_like_whole_ones(name):
+    """The bar of the contract: to within 5 %."""
+    zoo = bundled(name, light="unlit")
+    bare, labels = without_underside(zoo.gaussians, zoo.labels, zoo.up)
+    height = zoo.gaussians.means @ zoo.up
+    gone = len(zoo.gaussians) - len(bare)
+    assert 0.4 * (height < height.min() + 0.03 * np.ptp(height)).sum() < gone < 0.15 * len(zoo.gaussians)
+    assert filled_m3(zoo, bare, labels) == pytest.approx(filled_m3(zoo, zoo.gaussians, zoo.labels), rel=0.05)
