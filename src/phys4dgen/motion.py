@@ -35,6 +35,10 @@ __all__ = [
 
 _ON_GROUND = 0.06
 _LOW_TOP = 0.6
+_LOW_SHARE = 0.9
+"""Of a part that must be low: a pot of which a petal's bright rim has been taken for a piece still is a pot."""
+_LEAST_FOOT = 0.5
+"""Share of what lies on the ground that must belong to the parts that are held."""
 _RIM = 0.03
 _LOWEST_SHARE = 0.1
 _PROBE_MS2 = 1.0
@@ -129,11 +133,12 @@ def _standing_parts(
     for number in range(parts.count):
         own = z_m[part == number, 2]
         if len(own):
-            bottom, top = np.percentile(own, [1, 99])
+            bottom, top = np.percentile(own, [1, 100 * _LOW_SHARE])
             if bottom < low + _ON_GROUND * height and top < low + _LOW_TOP * height:
                 standing.add(number)
-    if not standing:
-        return standing
+    foot = part[z_m[:, 2] < low + _ON_GROUND * height]
+    if np.isin(foot, list(standing)).mean() < _LEAST_FOOT:  # a ball at the breast of a duck does not carry the duck
+        return set()
     ground = z_m[np.isin(part, list(standing))]
     box_low, box_high = np.percentile(ground[:, :2], [0.5, 99.5], axis=0)
     top = np.percentile(ground[:, 2], 99.5)
