@@ -314,6 +314,7 @@ def test_files_that_are_cut_off(tmp_path, suffix):
         ("e.obj", b"v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n"),
         ("f.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"),
         ("g.obj", b"# nothing\n"),
+        ("j.obj", b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n"),
         ("h.stl", b"solid nothing\nendsolid nothing\n"),
         ("i.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
          b"element face 900000000\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),

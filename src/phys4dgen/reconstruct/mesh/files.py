@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import io
 import warnings
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -62,9 +61,8 @@ def read_surfaces(path: Path) -> list[Surface]:
         raise StageError(f"{path}: reading a mesh needs trimesh; pip install 'phys4dgen[mesh]'.")
     check_bounds(path)
     linear_colors = path.suffix.lower() == ".glb" and not _by_trimesh(glb_header(path))
-    scene = _scene(path)
     surfaces, count, pixels = [], 0, 0
-    for geometry, matrix in _placed(scene):
+    for geometry, matrix in _placed(path):
         count += len(geometry.faces)
         if count > MAX_TRIANGLES:
             raise refuse(path, f"it has more than {MAX_TRIANGLES:,} triangles")
@@ -78,8 +76,8 @@ def read_surfaces(path: Path) -> list[Surface]:
     return surfaces
 
 
-def _scene(path: Path) -> Any:
-    """What trimesh makes of the file."""
+def _placed(path: Path) -> list[tuple[Any, NDArray[np.float64]]]:
+    """Every mesh of the file with the 4x4 matrix of each place where it stands, as trimesh reads them."""
     import trimesh  # pyright: ignore[reportMissingImports]
 
     stream = io.BytesIO(path.read_bytes())
@@ -87,22 +85,19 @@ def _scene(path: Path) -> Any:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            return trimesh.load_scene(
+            scene = trimesh.load_scene(
                 stream, file_type=path.suffix.lower()[1:], resolver=FilesBeside(path.parent), process=False
             )
+            placed = [
+                (scene.geometry[name], matrix) for matrix, name in map(scene.graph.get, scene.graph.nodes_geometry)
+            ]
     except Exception as error:
         raise refuse(path, " ".join(str(error).split())[:120] or type(error).__name__) from error
-
-
-def _placed(scene: Any) -> Iterator[tuple[Any, NDArray[np.float64]]]:
-    """Every mesh of the scene with the 4x4 matrix of each place where it stands."""
-    import trimesh  # pyright: ignore[reportMissingImports]
-
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces):
-            yield geometry, np.asarray(matrix, np.float64)
+    return [
+        (geometry, np.asarray(matrix, np.float64))
+        for geometry, matrix in placed
+        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)
+    ]
 
 
 def _by_trimesh(header: dict[str, Any]) -> bool:
@@ -124,18 +119,21 @@ def _surface(
     """One mesh of the scene, in its place."""
     faces = np.asarray(geometry.faces, np.int64)
     vertices = np.asarray(geometry.vertices, np.float64)
+    if vertices.shape[1:] != (3,) or faces.shape[1:] != (3,) or matrix.shape != (4, 4):
+        raise refuse(path, "its vertices are not points in space")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise refuse(path, "a triangle names a vertex that is not there")
-    vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
+        vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
         if not (np.abs(vertices) < _LARGEST).all():
             raise refuse(path, "a vertex has no usable place")
     corner_rgba = _corner_colors(geometry, faces, image, linear=linear_colors)
-    uv = None if image is None else np.asarray(geometry.visual.uv, np.float64)[faces]
-    if uv is not None and not np.isfinite(uv).all():
-        raise refuse(path, "a texture coordinate is not finite")
-    texture, cutoff = None, None
+    uv, texture, cutoff = None, None, None
     if image is not None:
+        uv = np.asarray(geometry.visual.uv, np.float64)
+        if uv.shape != (len(vertices), 2) or not (np.abs(uv) < _LARGEST).all():
+            raise refuse(path, "its texture coordinates are not two numbers for each vertex")
+        uv = uv[faces]
         try:
             texture = np.asarray(image.convert("RGBA"), np.float32) / np.float32(255)
         except (OSError, ValueError, SyntaxError) as error:
