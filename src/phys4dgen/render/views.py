@@ -5,7 +5,7 @@ Paper: Sec. 3.2 (multi-view rendering). The arrays-only renderer beneath is ``ra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from queue import SimpleQueue
 
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from phys4dgen.render.rasterise import WHITE, DepthMode, Rasteriser, RenderResult, packed_covariances
 from phys4dgen.types import Camera, Gaussians, Views
 
-__all__ = ["render_gaussians", "render_labels", "render_views"]
+__all__ = ["render_gaussians", "render_label_maps", "render_labels", "render_views"]
 
 
 def render_gaussians(
@@ -93,24 +93,49 @@ def render_views(
     alpha = np.zeros((v, height, width), np.float32)
     depth = np.zeros((v, height, width), np.float32)
     covariances = packed_covariances(gaussians.covariances())
-    workers = min(v, numba.get_num_threads() if threads is None else threads)
+
+    def render_view(rasteriser: Rasteriser, i: int) -> None:
+        picture = rasteriser.render(
+            gaussians.means, covariances, gaussians.opacities,
+            camera=cameras[i], sh=gaussians.sh, background=background, antialiased=antialiased, near=near,
+        )  # fmt: skip
+        rgb[i], alpha[i], depth[i] = picture.rgb, picture.alpha, picture.depth
+
+    for done in _each_view(render_view, v, threads):
+        if on_view is not None:
+            on_view(done)
+    return Views(cameras=tuple(cameras), rgb=rgb, alpha=alpha, depth=depth)
+
+
+def render_label_maps(gaussians: Gaussians, labels: ArrayLike, cameras: Sequence[Camera]) -> NDArray[np.int32]:
+    """``render_labels`` from many cameras of one picture size, several at a time; shape [V, H, W]."""
+    covariances = packed_covariances(gaussians.covariances())
+    maps = np.zeros((len(cameras), cameras[0].height, cameras[0].width), np.int32)
+
+    def render_map(rasteriser: Rasteriser, i: int) -> None:
+        maps[i] = rasteriser.render_labels(
+            gaussians.means, covariances, gaussians.opacities, labels=labels, camera=cameras[i]
+        )
+
+    for _ in _each_view(render_map, len(cameras), None):
+        pass
+    return maps
+
+
+def _each_view(draw: Callable[[Rasteriser, int], None], count: int, threads: int | None) -> Iterator[int]:
+    """Draw views 0 .. count-1, ``threads`` at a time, each with a renderer of its own; yields how many are done."""
+    workers = min(count, numba.get_num_threads() if threads is None else threads)
     idle: SimpleQueue[Rasteriser] = SimpleQueue()
     for _ in range(workers):
         idle.put(Rasteriser(threads=1))
 
-    def render_view(i: int) -> None:
+    def with_renderer(i: int) -> None:
         rasteriser = idle.get()
         try:
-            picture = rasteriser.render(
-                gaussians.means, covariances, gaussians.opacities,
-                camera=cameras[i], sh=gaussians.sh, background=background, antialiased=antialiased, near=near,
-            )  # fmt: skip
+            draw(rasteriser, i)
         finally:
             idle.put(rasteriser)
-        rgb[i], alpha[i], depth[i] = picture.rgb, picture.alpha, picture.depth
 
     with ThreadPoolExecutor(workers, "views") as pool:
-        for done, _ in enumerate(pool.map(render_view, range(v)), start=1):
-            if on_view is not None:
-                on_view(done)
-    return Views(cameras=tuple(cameras), rgb=rgb, alpha=alpha, depth=depth)
+        for done, _ in enumerate(pool.map(with_renderer, range(count)), start=1):
+            yield done

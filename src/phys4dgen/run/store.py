@@ -19,7 +19,7 @@ from phys4dgen.export.trajectory import read_trajectory, trajectory_writer
 from phys4dgen.grouping.merging import MergeTree
 from phys4dgen.interior import Interior
 from phys4dgen.materials import write_materials
-from phys4dgen.render.views import render_labels
+from phys4dgen.render.views import render_label_maps
 from phys4dgen.run.artefacts import (
     read_groups,
     read_interior,
@@ -227,7 +227,7 @@ class RunStore:
     def _keep_grouping(self, parts: Parts) -> Recalled:
         views: Views = self._made["views"]()
         gaussians = self._object().gaussians
-        maps = np.stack([render_labels(gaussians, parts.labels, camera) for camera in views.cameras])
+        maps = render_label_maps(gaussians, parts.labels, views.cameras)
         write_groups(self.run, parts)
         write_part_maps(self.run, Masks(labels=maps))
         shown = [len(views) // 3, len(views) // 3 + 2]  # two views from the side in every preset
