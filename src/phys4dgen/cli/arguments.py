@@ -39,7 +39,7 @@ __all__ = [
 ]
 
 COMMANDS = {
-    "generate": "one picture or 3D Gaussian splat in, physically simulated 4D content out",
+    "generate": "one picture, 3D Gaussian splat or mesh in, physically simulated 4D content out",
     "demo": "the same on a bundled object",
     "simulate": "again from the simulation, after an edit of a run's scene.yaml or materials.yaml",
     "render": "the film of a run again, from elsewhere, or with parts, materials, strain or forces laid over it",

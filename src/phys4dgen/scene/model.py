@@ -45,7 +45,7 @@ class Scene(Section):
     """One object, how it is understood, what moves it and what is written."""
 
     input: FilePath
-    """a splat or a picture; relative to this file"""
+    """a splat, a picture or a mesh; relative to this file"""
     up: AxisName | Direction = "auto"
     """auto, +-x +-y +-z or [x, y, z], in the input's axes"""
     height_m: Auto | Positive = "auto"
