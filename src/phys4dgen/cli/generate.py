@@ -19,7 +19,12 @@ SCENE_KEYS = True
 
 def add_flags(parser: argparse.ArgumentParser) -> None:
     """The input, and everything that fills a run."""
-    parser.add_argument("input", metavar="INPUT", nargs="?", help="a .ply or .splat file; may stand in --scene")
+    parser.add_argument(
+        "input",
+        metavar="INPUT",
+        nargs="?",
+        help="a splat (.ply, .splat), picture, or mesh (.glb, .obj, .stl, .ply); may stand in --scene",
+    )
     parser.add_argument("--scene", metavar="FILE", type=Path, help="scene.yaml with any of the settings")
     add_generate_flags(parser)
 
