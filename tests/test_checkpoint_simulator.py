@@ -8,6 +8,7 @@ import pytest
 from mpm_bodies import body, lattice
 from phys4dgen.errors import SimulationError
 from phys4dgen.mpm import Acceleration, Ground, LawId, Settings, Simulator
+from phys4dgen.mpm.obstacles import Obstacle, Push, RoundedBox
 
 DX = 0.02
 FIELDS = ("positions_m", "deformation_gradients", "velocities_ms", "momentum_kgms", "angular_momentum_kgm2s")
@@ -28,6 +29,19 @@ def held(*, rigid):
     return body(x, (DX / 2) ** 3, E=3e4, held=x[:, 2] < 2 * DX)
 
 
+def packed(*, rigid):
+    """A block of snow and sand, whose laws keep a history, under a falling plate."""
+    x = lattice((8, 8, 8), DX / 2)
+    numbers = {"critical_compression": 0.025, "critical_stretch": 0.0075, "hardening_coefficient": 10.0}
+    numbers |= {"friction_angle_deg": 35.0, "cohesion_pa": 0.0}
+    law = np.where(x[:, 0] < 2 * DX, LawId.SNOW, LawId.DRUCKER_PRAGER).astype(np.int32)
+    given = {name: np.full(len(x), value) for name, value in numbers.items()}
+    return replace(body(x, (DX / 2) ** 3, E=5e4), law=law, law_numbers=given)
+
+
+PLATE = Obstacle(
+    RoundedBox((0.08, 0.08, 0.19), (0.1, 0.1, 0.01)), push=Push((0, 0, -1), force_n=200.0, mass_kg=1.0, ramp_s=0.02)
+)
 SETTINGS = Settings(
     DX,
     0.02,
@@ -39,9 +53,10 @@ SETTINGS = Settings(
 )
 
 
-@pytest.mark.parametrize(("make", "rigid"), [(falling, False), (falling, True), (held, False)])
+@pytest.mark.parametrize(("make", "rigid"), [(falling, False), (falling, True), (held, False), (packed, False)])
 def test_going_on_from_a_checkpoint_gives_the_same_bits(make, rigid):
-    settings = SETTINGS if make is falling else replace(SETTINGS, ground=None)
+    settings = replace(SETTINGS, ground=None if make is held else SETTINGS.ground)
+    settings = replace(settings, obstacles=(PLATE,) if make is packed else ())
     simulator = Simulator(make(rigid=rigid), settings)
     for _ in range(3):
         simulator.advance()

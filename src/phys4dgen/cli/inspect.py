@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from phys4dgen.cli.arguments import Arguments
+from phys4dgen.cli.arguments import SELECT_FLAGS, Arguments, add_flags_of
 
 __all__ = ["SCENE_KEYS", "add_flags", "fact_lines", "run"]
 
@@ -19,6 +19,10 @@ def add_flags(parser: argparse.ArgumentParser) -> None:
     """What to look at."""
     parser.add_argument("file", metavar="FILE", type=Path, help="a .ply or .splat file, or a run folder")
     parser.add_argument("--json", action="store_true", help="as JSON")
+    parser.add_argument(
+        "--picture", metavar="FILE", type=Path, help="PNG of four views of a splat, what is selected in its colours"
+    )
+    add_flags_of(parser, SELECT_FLAGS)
 
 
 def run(arguments: Arguments) -> int:
@@ -26,7 +30,7 @@ def run(arguments: Arguments) -> int:
     from phys4dgen.run.inspection import inspect_path
     from phys4dgen.run.json_text import json_text
 
-    facts = inspect_path(arguments.options.file)
+    facts = inspect_path(arguments.options.file, select=arguments.overrides, picture=arguments.options.picture)
     text = json_text(facts, indent=2) if arguments.options.json else "\n".join(fact_lines(facts))
     sys.stdout.write(text + "\n")
     return 0

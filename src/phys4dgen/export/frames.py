@@ -37,8 +37,20 @@ def remove_frames_from(folder: Path | str, first: int) -> int:
 class FrameWriter:
     """Writes the frames of one object: number, order, opacities and axes are those of the static Gaussians."""
 
-    def __init__(self, gaussians: Gaussians, folder: Path | str) -> None:
+    def __init__(self, gaussians: Gaussians, folder: Path | str, *, moving: NDArray[np.int64] | None = None) -> None:
+        """Prepare.
+
+        Args:
+            gaussians: all of them, at rest, N.
+            folder: of the files.
+            moving: rows of those that ``write`` is told of, [M]; the others are the same bytes in every file. None:
+                all.
+        """
         self._gaussians = gaussians
+        self._moving = slice(None) if moving is None else moving
+        self._sh = np.array(gaussians.sh)
+        self._means, self._quats_wxyz = np.array(gaussians.means), np.array(gaussians.quats_wxyz)
+        self._scales = np.array(gaussians.scales)
         self._folder = Path(folder)
         self._ply = PlyFrameWriter(gaussians)
 
@@ -55,10 +67,10 @@ class FrameWriter:
 
         Args:
             index: frame number from 0 (the rest pose).
-            means: centres, shape [N, 3], input coordinates.
-            quats_wxyz: unit quaternions, shape [N, 4].
-            scales: positive linear standard deviations, shape [N, 3], input units.
-            rotations: how far each Gaussian has turned since the rest pose (the polar rotation of F), shape [N, 3, 3],
+            means: centres of those that move, shape [M, 3], input coordinates.
+            quats_wxyz: unit quaternions, shape [M, 4].
+            scales: positive linear standard deviations, shape [M, 3], input units.
+            rotations: how far each Gaussian has turned since the rest pose (the polar rotation of F), shape [M, 3, 3],
                 input axes; needed above SH degree 0, where the colours turn along. None at the rest pose.
 
         Returns:
@@ -69,11 +81,15 @@ class FrameWriter:
         """
         sh_rest = None
         if self._gaussians.sh_degree:
-            sh = self._gaussians.sh
-            sh_rest = (sh if rotations is None else rotate_sh(sh, np.asarray(rotations)))[:, 1:]
+            sh = self._gaussians.sh[self._moving]
+            self._sh[self._moving] = sh if rotations is None else rotate_sh(sh, np.asarray(rotations))
+            sh_rest = self._sh[:, 1:]
+        self._means[self._moving] = means
+        self._quats_wxyz[self._moving] = quats_wxyz
+        self._scales[self._moving] = scales
         path = frame_path(self._folder, index)
         try:
-            self._ply.write(path, means=means, quats_wxyz=quats_wxyz, scales=scales, sh_rest=sh_rest)
+            self._ply.write(path, means=self._means, quats_wxyz=self._quats_wxyz, scales=self._scales, sh_rest=sh_rest)
         except OSError as error:
             raise RunError(f"{path}: the frame cannot be written ({error}); check disk space and rights.") from error
         return path

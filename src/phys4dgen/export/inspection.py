@@ -12,7 +12,7 @@ from phys4dgen.formats import read_splat_file
 from phys4dgen.types import SH_C0, Gaussians
 from phys4dgen.upright import guess_up
 
-__all__ = ["inspect_splat"]
+__all__ = ["inspect_splat", "rounded"]
 
 QUANTILES = (0.0, 0.01, 0.25, 0.5, 0.75, 0.99, 1.0)
 FLOATER_DISTANCE = 2.0
@@ -43,6 +43,7 @@ def inspect_splat(path: Path | str) -> dict[str, Any]:
             "robust_extent": rounded(upper - lower),
             "full_lower": rounded(gaussians.means.min(axis=0)),
             "full_upper": rounded(gaussians.means.max(axis=0)),
+            "quantiles": {axis: rounded(np.quantile(gaussians.means[:, i], QUANTILES)) for i, axis in enumerate("xyz")},
         },
         "up": {
             "vector": rounded(up.up),

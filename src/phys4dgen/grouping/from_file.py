@@ -28,7 +28,7 @@ def single_part(gaussian_count: int) -> Parts:
     return Parts(labels=np.zeros(gaussian_count, np.int32), names=("part_0",), backend="none")
 
 
-def parts_from_file(path: Path | str, gaussian_count: int) -> Parts:
+def parts_from_file(path: Path | str, gaussian_count: int, *, rows: NDArray[np.int64] | None = None) -> Parts:
     """Read one label per Gaussian (``grouping.backend: file``).
 
     A ``.npy`` file holds the labels; a ``.npz`` file holds them under ``labels`` and may name the parts under
@@ -38,6 +38,7 @@ def parts_from_file(path: Path | str, gaussian_count: int) -> Parts:
     Args:
         path: the file.
         gaussian_count: N, in the input's order.
+        rows: those that are the object, [M]; others may bear any label. None: all.
 
     Raises:
         FormatError: the file is no such file, or its labels or names do not fit the input.
@@ -54,6 +55,8 @@ def parts_from_file(path: Path | str, gaussian_count: int) -> Parts:
         raise FormatError(
             f"{path}: labels must be whole numbers (int32), got {labels.dtype}; convert with labels.astype('int32')."
         )
+    numbers = np.unique(labels[labels >= 0])
+    labels = labels if rows is None else labels[rows]
     if labels.min() < 0:
         raise FormatError(
             f"{path}: labels must be 0 or more, got {int(labels.min())} at index {int(labels.argmin())}; give every "
@@ -62,7 +65,8 @@ def parts_from_file(path: Path | str, gaussian_count: int) -> Parts:
     values, dense = np.unique(labels, return_inverse=True)
     if len(values) > MAX_LABELS:
         raise FormatError(f"{path}: labels must hold at most {MAX_LABELS} different parts, got {len(values)}.")
-    names = _names(path, arrays.get("names"), values)
+    names = _names(path, arrays.get("names"), numbers)
+    names = tuple(names[place] for place in np.searchsorted(numbers, values))
     return Parts(labels=dense.astype(np.int32), names=names, backend="file")
 
 

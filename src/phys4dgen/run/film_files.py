@@ -14,8 +14,8 @@ from phys4dgen.export.pictures import contact_sheet, evenly_spaced, write_png
 from phys4dgen.export.video import write_video
 from phys4dgen.progress import Progress
 from phys4dgen.run.folder import RunFolder
+from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.film import Film
-from phys4dgen.types import Gaussians
 
 __all__ = ["Frames", "write_film", "write_video_and_sheet"]
 
@@ -23,20 +23,20 @@ Frames = Literal["new", "kept", "none"]
 """What happens to frames/: written anew, left as they are, or removed."""
 
 
-def write_film(film: Film, run: RunFolder, gaussians: Gaussians, *, frames: Frames, progress: Progress) -> str:
+def write_film(film: Film, run: RunFolder, asset: Asset, *, frames: Frames, progress: Progress) -> str:
     """Render the film into a run folder; returns what encoded it, for the report.
 
     Args:
         film: what is rendered.
         run: the folder, claimed.
-        gaussians: the static object.
+        asset: the static object.
         frames: see ``Frames``.
         progress: told what went otherwise than asked for.
 
     Raises:
         RunError: a file cannot be written.
     """
-    writer = FrameWriter(gaussians, run.frames) if frames == "new" else None
+    writer = _frame_writer(asset, run.frames) if frames == "new" else None
     if frames != "kept":
         remove_frames_from(run.frames, 0)  # or an interrupted film would leave two motions side by side
 
@@ -58,6 +58,12 @@ def write_film(film: Film, run: RunFolder, gaussians: Gaussians, *, frames: Fram
     )
     write_png(stills[min(1, len(stills) - 1)], run.preview_png)
     return f"CPU rasteriser, {'H.264' if path.suffix == '.mp4' else 'WebP'}"
+
+
+def _frame_writer(asset: Asset, folder: Path) -> FrameWriter:
+    if asset.surroundings is None:
+        return FrameWriter(asset.gaussians, folder)
+    return FrameWriter(asset.surroundings.shown(), folder, moving=asset.surroundings.object_rows)
 
 
 def write_video_and_sheet(

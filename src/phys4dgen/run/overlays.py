@@ -57,7 +57,7 @@ def render_overlay(folder: Path | str, scene: Scene, name: str, *, progress: Pro
     with RunFolder(folder).claim() as run:
         progress.stage(f"overlay {name}")
         asset = load(scene, read_source(run, scene), progress)
-        motion = recalled_motion(run)
+        motion = recalled_motion(run, asset)
         book = current_book(run.materials_yaml, run.identified_yaml)
         overlay = OVERLAYS[name](OverlayInputs(scene, asset, read_groups(run), book, motion))
         shown = film(scene, asset, motion, progress, overlay=overlay)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from phys4dgen.scene import Scene
 from phys4dgen.types import Gaussians
 
-__all__ = ["predicted_bytes"]
+__all__ = ["peak_bytes", "predicted_bytes"]
 
 _TRAJECTORY_BYTES = 4 * (3 + 9)
 """Per Gaussian and frame: position and F, float32."""
@@ -26,3 +26,10 @@ def predicted_bytes(scene: Scene, gaussians: Gaussians) -> int:
     height = video.width if isinstance(video.height, str) else video.height
     film = scene.frame_count * video.width * height * _FILM_BYTES_PER_PIXEL
     return int(ply * (frames + 1) + trajectory + views + film)
+
+
+def peak_bytes(scene: Scene, gaussians: Gaussians) -> int:
+    """Bytes that the run takes at most: while the trajectory is written it lies there twice, before any frame file."""
+    trajectory = len(gaussians) * scene.frame_count * _TRAJECTORY_BYTES
+    without_frames = scene.with_overrides({"output.frames": "none"})
+    return max(predicted_bytes(scene, gaussians), predicted_bytes(without_frames, gaussians) + trajectory)

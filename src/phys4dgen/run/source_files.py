@@ -14,7 +14,7 @@ from phys4dgen.reconstruct.mesh.files import is_mesh
 from phys4dgen.reconstruct.picture import read_picture
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.scene import Scene
-from phys4dgen.stages.reconstruct import Source
+from phys4dgen.stages.reconstruct import Source, source_of_splat
 from phys4dgen.types import Camera
 
 __all__ = ["read_source", "write_source"]
@@ -22,7 +22,8 @@ __all__ = ["read_source", "write_source"]
 
 def write_source(run: RunFolder, source: Source) -> None:
     """Write ``gaussians.ply`` and ``reconstruct/``: the maker and, where it knows them, cut-out, camera and inside."""
-    save_gaussians(source.gaussians, run.gaussians_ply)
+    whole = source.gaussians if source.surroundings is None else source.surroundings.whole
+    save_gaussians(whole, run.gaussians_ply)
     if source.picture is None or source.camera is None:
         run.write_json(run.source_json, {"backend": source.backend, "up": source.up})
         return
@@ -47,7 +48,7 @@ def write_source(run: RunFolder, source: Source) -> None:
 def read_source(run: RunFolder, scene: Scene) -> Source:
     """Read it back; a splat that was given is read from where it lies."""
     if not is_picture(scene.input) and not is_mesh(scene.input):
-        return Source(load_gaussians(scene.input), "splat as given")
+        return source_of_splat(scene)
     facts = json.loads(run.source_json.read_text("utf-8"))
     up = None if facts["up"] is None else np.array(facts["up"])
     if "viewmat" not in facts:

@@ -13,6 +13,7 @@ from phys4dgen.reconstruct.reconstruction import Solid
 from phys4dgen.scene import Scene
 from phys4dgen.stages.reconstruct import Source
 from phys4dgen.stages.resolution import FINE_GRID, MOST_PARTICLES, MOST_PARTICLES_OF_A_GUESS, automatic_grid
+from phys4dgen.stages.selection import Surroundings
 from phys4dgen.types import SH_C0, Camera, Frame, Gaussians, rotation_to_z_up
 from phys4dgen.upright import guess_up
 
@@ -24,13 +25,14 @@ class Asset:
     """The object and how it stands in the world.
 
     Attributes:
-        gaussians: as in the input, its N and order.
+        gaussians: as in the input, its N and order, or those selected of it.
         frame: input coordinates -> metres, z up.
         lower, upper: robust box in upright axes, input units, [3].
         cell: grid cell dx of the simulation, input units.
         solid: exact inside test, where the object was made from a picture that gave one; else None.
         camera: of the picture that the object was made from, where it is known; else None.
         even_colors: colours of the Gaussians freed of the picture's light, where they are known; else None.
+        surroundings: the scene that the Gaussians were selected from; None where they are the whole input.
     """
 
     gaussians: Gaussians
@@ -41,6 +43,12 @@ class Asset:
     solid: Solid | None = None
     camera: Camera | None = None
     even_colors: NDArray[np.float32] | None = None
+    surroundings: Surroundings | None = None
+
+    @property
+    def whole(self) -> Gaussians:
+        """All Gaussians of the input."""
+        return self.gaussians if self.surroundings is None else self.surroundings.whole
 
     @property
     def evenly_lit(self) -> Gaussians:
@@ -68,6 +76,8 @@ class Asset:
 def load(scene: Scene, source: Source, progress: Progress) -> Asset:
     """Decide which way is up and how large the object is."""
     gaussians = source.gaussians
+    if source.surroundings is not None:
+        progress.note(f"{len(gaussians)} of {len(source.surroundings.whole)} Gaussians are the object; the rest rests.")
     rotation = rotation_to_z_up(_up_vector(scene, source, progress))
     lower, upper = gaussians.robust_bounds(rotation=rotation)
     extent = upper - lower
@@ -100,6 +110,7 @@ def load(scene: Scene, source: Source, progress: Progress) -> Asset:
         solid=source.solid,
         camera=source.camera,
         even_colors=source.even_colors,
+        surroundings=source.surroundings,
     )
 
 

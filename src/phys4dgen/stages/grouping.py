@@ -56,7 +56,8 @@ def group(
     if wanted.labels_file is not None and holds_label_maps(wanted.labels_file):
         parts = _lifted(scene, wanted.labels_file, asset, views)
     elif wanted.labels_file is not None:
-        parts = parts_from_file(wanted.labels_file, len(gaussians))
+        rows = None if asset.surroundings is None else asset.surroundings.object_rows
+        parts = parts_from_file(wanted.labels_file, len(asset.whole), rows=rows)
     elif wanted.backend == "none":
         parts = single_part(len(gaussians))
     else:

@@ -16,10 +16,10 @@ from phys4dgen.mpm import Simulator
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
-from phys4dgen.stages.courant import tell_courant_numbers
 from phys4dgen.stages.interior import settled_thickness
 from phys4dgen.stages.motion_facts import MotionFacts
 from phys4dgen.stages.motion_plan import Plan, plan_motion
+from phys4dgen.stages.simulation import Simulation
 from phys4dgen.types import Continuum, MaterialBook, Parts
 
 __all__ = ["Motion", "move"]
@@ -36,11 +36,13 @@ class Motion:
         frames: yields (positions [N, 3], total deformation gradients [N, 3, 3]) per frame, input axes; may be asked
             again only where the store recalls it.
         facts: complete when all frames were taken.
+        simulation: what makes the frames, to be stopped and gone on with; None where they are recalled.
     """
 
     times_s: NDArray[np.float64]
     frames: Callable[[], Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]]
     facts: MotionFacts
+    simulation: Simulation | None = None
 
 
 def move(
@@ -51,9 +53,8 @@ def move(
     plan = plan_motion(scene, asset, parts, continuum, book, progress)
     held, assembly, facts = plan.held, plan.assembly, plan.facts
     _tell_what_differs(scene, asset, parts, continuum, plan, progress)
-    if scene.paper_scale is not None:
-        tell_courant_numbers(asset, book, progress)
     simulator = Simulator(assembly.body, plan.settings)
+    simulation = Simulation(simulator, facts)
     progress.note(
         f"{int((~held.particles).sum())} moving particles, about {simulator.estimate().substeps_per_frame} substeps "
         f"per frame, {scene.frame_count} frames."
@@ -62,9 +63,8 @@ def move(
     times_s = np.arange(scene.frame_count, dtype=np.float64) * scene.frame_time_s
 
     def frames() -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-        for k in range(scene.frame_count):
-            state = simulator.frame if k == 0 else simulator.advance()
-            facts.record(state)
+        for k in range(simulation.frames_done, scene.frame_count):
+            state = simulation.next_frame()
             if k == 0:  # the rest pose is the input, to the bit
                 yield asset.gaussians.means, _identities(len(asset.gaussians))
             else:
@@ -73,7 +73,7 @@ def move(
                 yield animator.carry(asset.frame.from_metres(positions_m), gradients)
             progress.update(k + 1, scene.frame_count, "frames simulated")
 
-    return Motion(times_s, frames, facts)
+    return Motion(times_s, frames, facts, simulation)
 
 
 def _tell_what_differs(

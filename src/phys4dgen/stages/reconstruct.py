@@ -8,17 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from phys4dgen.errors import SceneError
 from phys4dgen.formats import load_gaussians
 from phys4dgen.input_kinds import is_picture
 from phys4dgen.progress import Progress
 from phys4dgen.reconstruct.mesh.files import is_mesh
 from phys4dgen.scene import Scene
+from phys4dgen.stages.selection import Surroundings, surroundings_of
 from phys4dgen.types import Camera, Gaussians
 
 if TYPE_CHECKING:
     from phys4dgen.reconstruct.inflate import InflatedSolid
 
-__all__ = ["Source", "reconstruct"]
+__all__ = ["Source", "reconstruct", "source_of_splat"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,7 @@ class Source:
         camera: that sees the Gaussians as ``picture``.
         solid: exact inside test, where the maker knows it.
         even_colors: colours freed of the picture's light, shape [N, 3], where the maker knows them.
+        surroundings: the scene that the Gaussians were selected from; None where they are the whole input.
     """
 
     gaussians: Gaussians
@@ -42,14 +45,21 @@ class Source:
     camera: Camera | None = None
     solid: InflatedSolid | None = None
     even_colors: NDArray[np.float32] | None = None
+    surroundings: Surroundings | None = None
 
 
 def reconstruct(scene: Scene, progress: Progress) -> Source:
-    """Read the splat, or make one of the picture or the mesh."""
+    """Read the splat, or make one of the picture or the mesh.
+
+    Raises:
+        SceneError: part of something else than a splat is selected, or nothing.
+    """
+    if not scene.select.selects_all and (is_mesh(scene.input) or is_picture(scene.input)):
+        raise SceneError(f"select: expected a captured splat to choose from, got '{scene.input.name}'; remove select.")
     if is_mesh(scene.input):
         return _from_mesh(scene)
     if not is_picture(scene.input):
-        return Source(load_gaussians(scene.input), "splat as given")
+        return source_of_splat(scene)
     from phys4dgen.reconstruct.foreground import cut_out
     from phys4dgen.reconstruct.inflate import InflatedSolid, InflateOptions, inflate
 
@@ -81,6 +91,15 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
         solid=solid,
         even_colors=made.even_colors,
     )
+
+
+def source_of_splat(scene: Scene) -> Source:
+    """A splat as it lies there, or what the scene selects of it."""
+    whole = load_gaussians(scene.input)
+    surroundings = surroundings_of(scene, whole)
+    if surroundings is None:
+        return Source(whole, "splat as given")
+    return Source(surroundings.object_gaussians, "selected from a splat", surroundings=surroundings)
 
 
 def _from_mesh(scene: Scene) -> Source:
