@@ -16,6 +16,7 @@ from phys4dgen.interior import Interior
 from phys4dgen.interior.bridge import BridgeReport
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.group_edits import digest_of_parts
+from phys4dgen.stages.selection import Surroundings
 from phys4dgen.types import Continuum, Frame, Masks, Parts, Views
 
 __all__ = [
@@ -75,23 +76,39 @@ def write_part_maps(run: RunFolder, masks: Masks) -> None:
         )
 
 
-def write_groups(run: RunFolder, parts: Parts) -> None:
-    """Write ``groups.npz``; ``votes`` and ``visible`` where the grouping has them."""
+def write_groups(run: RunFolder, parts: Parts, *, surroundings: Surroundings | None = None) -> None:
+    """Write ``groups.npz``; ``votes`` and ``visible`` where the grouping has them, ``made_as`` to tell later edits by.
+
+    Args:
+        run: the folder.
+        parts: of the object.
+        surroundings: the scene that it was selected from, whose other Gaussians get the label -1.
+    """
     arrays = {"labels": parts.labels, "names": np.array(parts.names), "backend": np.array(parts.backend)}
     arrays["made_as"] = np.array(digest_of_parts(parts))
     optional = {"votes": parts.votes, "visible": parts.visible}
-    run.write_npz(run.groups_npz, {**arrays, **{name: array for name, array in optional.items() if array is not None}})
+    arrays |= {name: array for name, array in optional.items() if array is not None}
+    if surroundings is not None:
+        count = len(surroundings.whole)
+        arrays["labels"] = surroundings.with_rest(parts.labels, np.full(count, -1, np.int32))
+        for name in optional.keys() & arrays.keys():
+            per_gaussian = arrays[name]
+            rest = np.zeros((count, *per_gaussian.shape[1:]), per_gaussian.dtype)
+            arrays[name] = surroundings.with_rest(per_gaussian, rest)
+    run.write_npz(run.groups_npz, arrays)
 
 
 def read_groups(run: RunFolder) -> Parts:
-    """Read ``groups.npz`` back."""
+    """Read ``groups.npz`` back; what is labelled -1 is not part of the object."""
     with np.load(run.groups_npz, allow_pickle=False) as arrays:
+        rows = arrays["labels"] >= 0
+        votes, visible = arrays.get("votes"), arrays.get("visible")
         return Parts(
-            arrays["labels"],
+            arrays["labels"][rows],
             tuple(str(name) for name in arrays["names"]),
             str(arrays["backend"]) if "backend" in arrays else "file",
-            votes=arrays.get("votes"),
-            visible=arrays.get("visible"),
+            votes=None if votes is None else votes[rows],
+            visible=None if visible is None else visible[rows],
         )
 
 

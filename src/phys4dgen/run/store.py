@@ -35,7 +35,8 @@ from phys4dgen.run.film_files import Frames, write_film
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.group_edits import spare_edited_groups
 from phys4dgen.run.material_edits import current_book, edited_materials, with_edits
-from phys4dgen.run.prediction import predicted_bytes
+from phys4dgen.run.partial_motion import PartialMotion
+from phys4dgen.run.prediction import peak_bytes, predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import PartReport, part_reports
 from phys4dgen.run.source_files import read_source, write_source
@@ -48,6 +49,7 @@ from phys4dgen.stages.interior import settled_thickness
 from phys4dgen.stages.motion import Motion
 from phys4dgen.stages.motion_facts import MotionFacts
 from phys4dgen.stages.reconstruct import Source
+from phys4dgen.stages.selection_picture import selection_picture
 from phys4dgen.types import Masks, Material, MaterialBook, Parts, Views
 
 __all__ = ["RunStore", "recalled_motion"]
@@ -110,7 +112,9 @@ class RunStore:
     def hold(self, asset: Asset) -> None:
         """The object, for the stages after ``reconstruct``."""
         self.asset = asset
-        self.counts["gaussians"] = len(asset.gaussians)
+        self.counts["gaussians"] = len(asset.whole)
+        if asset.surroundings is not None:
+            self.counts["selected"] = len(asset.gaussians)
 
     def recall(self, stage: str, make: Callable[[], Any]) -> Callable[[], Any] | None:
         """Returns what ``stage`` made in an earlier run, or is None where it has to be made (again)."""
@@ -218,11 +222,13 @@ class RunStore:
 
     def _keep_views(self, views: Views) -> Recalled:
         asset = self._object()
-        needed = predicted_bytes(self.scene, asset.gaussians)
-        self.run.require_space(needed)
+        needed = predicted_bytes(self.scene, asset.whole)
+        self.run.require_space(peak_bytes(self.scene, asset.whole))
         self.progress.note(f"The whole run takes about {needed / 1e6:,.0f} MB of disk.")
         self.counts["views"] = len(views)
         write_views(self.run, views, frame=asset.frame)
+        if asset.surroundings is not None:
+            write_png(selection_picture(asset, asset.surroundings), self.run.selection_png)
         return lambda: views, {"views": needs_digest(self._needs["views"])}
 
     def _keep_grouping(self, parts: Parts) -> Recalled:
@@ -230,7 +236,7 @@ class RunStore:
         gaussians = self._object().gaussians
         maps = render_label_maps(gaussians, parts.labels, views.cameras)
         self._spare_edited_groups()
-        write_groups(self.run, parts)
+        write_groups(self.run, parts, surroundings=self._object().surroundings)
         write_part_maps(self.run, Masks(labels=maps))
         shown = [len(views) // 3, len(views) // 3 + 2]  # two views from the side in every preset
         picture = parts_picture(
@@ -253,6 +259,12 @@ class RunStore:
 
     def _read_grouping(self, _record: StageRecord | None = None) -> Recalled:
         parts = read_groups(self.run)
+        count = len(self._object().gaussians)
+        if len(parts.labels) != count:
+            raise RunError(
+                f"{self.run.groups_npz}: expected labels of 0 or more for the {count} Gaussians of the object, got "
+                f"{len(parts.labels)}; remove the file to have it made again."
+            )
         self.counts["parts"] = parts.count
         self.backends["grouping"] = parts.backend
         return lambda: parts, parts_products(parts)
@@ -312,21 +324,30 @@ class RunStore:
     # ---------------------------------------------------------------------------------------- motion and film
 
     def _keep_motion(self, motion: Motion) -> Recalled:
-        count = len(self._object().gaussians)
+        asset = self._object()
         digest = MotionDigest(motion.times_s)
-        with trajectory_writer(self.run.trajectory_npz, times_s=motion.times_s, gaussian_count=count) as append:
-            for positions, gradients in motion.frames():
-                append(positions, gradients)
+        partial = PartialMotion(
+            self.run.trajectory_partial,
+            made_from=needs_digest(self._needs["simulate"]),
+            gaussian_count=len(asset.gaussians),
+            progress=self.progress,
+        )
+        path, count = self.run.trajectory_npz, len(asset.whole)
+        with trajectory_writer(path, times_s=motion.times_s, gaussian_count=count) as append:
+            for positions, gradients in partial.frames_of(motion):
+                around = asset.surroundings
+                append(*((positions, gradients) if around is None else around.moved(positions, gradients)))
                 digest.add(positions, gradients)
         self.run.write_json(self.run.motion_json, motion.facts)
+        partial.remove()
         return self._motion_on_disk(digest.products())
 
     def _read_motion(self, record: StageRecord) -> Recalled:
         if self.run.is_untouched(stage_named("simulate")):
             return self._motion_on_disk(record.products)
-        trajectory = read_trajectory(self.run.trajectory_npz)
-        digest = MotionDigest(trajectory.times_s)
-        for positions, gradients in zip(trajectory.positions, trajectory.deformation_gradients, strict=True):
+        motion = recalled_motion(self.run, self._object())
+        digest = MotionDigest(motion.times_s)
+        for positions, gradients in motion.frames():
             digest.add(positions, gradients)
         return self._motion_on_disk(digest.products())
 
@@ -335,7 +356,7 @@ class RunStore:
         self.backends["simulate"] = "MLS-MPM, explicit SIMD on CPU"
         self.counts["frames"] = self.scene.frame_count
         self.run.write_scene(self.scene.with_overrides(self._choices()))
-        return functools.cache(lambda: recalled_motion(self.run)), products
+        return functools.cache(lambda: recalled_motion(self.run, self._object())), products
 
     def _choices(self) -> dict[str, Any]:
         """Settings that the simulation chose, by key of the scene."""
@@ -347,7 +368,7 @@ class RunStore:
 
     def _keep_film(self, film: Film) -> Recalled:
         self.backends["render"] = write_film(
-            film, self.run, self._object().gaussians, frames=self._frames_to_write(), progress=self.progress
+            film, self.run, self._object(), frames=self._frames_to_write(), progress=self.progress
         )
         return lambda: True, {}
 
@@ -374,12 +395,23 @@ def recalled_facts(run: RunFolder) -> MotionFacts:
     return MotionFacts(**{name: value for name, value in written.items() if name in known})
 
 
-def recalled_motion(run: RunFolder) -> Motion:
-    """The motion that lies in a run folder."""
+def recalled_motion(run: RunFolder, asset: Asset) -> Motion:
+    """The motion of the object that lies in a run folder.
+
+    Raises:
+        RunError: it is the motion of something else.
+    """
     trajectory = read_trajectory(run.trajectory_npz)
+    if trajectory.positions.shape[1] != len(asset.whole):
+        raise RunError(
+            f"{run.trajectory_npz}: expected the motion of {len(asset.whole)} Gaussians, got that of "
+            f"{trajectory.positions.shape[1]}; 'phys4dgen simulate {run.root}' makes it again."
+        )
+    rows = slice(None) if asset.surroundings is None else asset.surroundings.object_rows
 
     def frames() -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-        yield from zip(trajectory.positions, trajectory.deformation_gradients, strict=True)
+        for positions, gradients in zip(trajectory.positions, trajectory.deformation_gradients, strict=True):
+            yield positions[rows], gradients[rows]
 
     return Motion(trajectory.times_s, frames, recalled_facts(run))
 
