@@ -37,8 +37,8 @@ def column() -> Outcome:
     x, held = clamped(free, foot, dx)
     b = body(x, h**3, E=E, rho=rho, nu=0.0, held=held)
     omega = np.pi / 2 * np.sqrt(E / rho) / height
-    simulator = Simulator(b, Settings(dx, 0.5, gravity_ms2=(0, 0, -G_MS2), damping_per_s=2 * omega))
-    for _ in range(4):
+    simulator = Simulator(b, Settings(dx, 0.5, gravity_ms2=(0, 0, -G_MS2), damping_per_s=0.5 * omega))
+    for _ in range(6):
         frame = simulator.advance()
     z = free[:, 2]
     sunk = (x - frame.positions_m)[~held, 2]
@@ -183,7 +183,7 @@ def scaled_twin() -> Outcome:
         h = s * dx / 2
         beam, root = lattice((40, 6, 6), h), lattice((6, 6, 6), h, (-6 * h, 0, 0))
         x, held = clamped(beam, root, s * dx, axis=0)
-        b = body(x, h**3, E=1e5, rho=1000.0 / s**2, held=held)
+        b = body(x, h**3, E=5e5, rho=1000.0 / s**2, held=held)
         simulator = Simulator(b, Settings(s * dx, 0.05, gravity_ms2=(0, 0, -G_MS2 * s)))
         frames.append([simulator.advance() for _ in range(4)][-1])
     small, large = frames

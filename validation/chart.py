@@ -83,13 +83,13 @@ class Chart:
             f'<text transform="translate(13 {middle}) rotate(-90)" text-anchor="middle">{escape(self.y_label)}</text>'
         )
         colours = iter(_COLOURS * len(self.curves))
-        keys = []
-        for curve, values in zip(self.curves, points, strict=True):
-            colour = "#222" if curve.style == "theory" else next(colours)
-            lines.append(_drawn(curve, at(values), colour))
-            if curve.name:
-                keys.append((curve, colour))
-        lines += _key(keys, right)
+        drawn = [
+            (curve, at(values), "#222" if curve.style == "theory" else next(colours))
+            for curve, values in zip(self.curves, points, strict=True)
+        ]
+        # theory on top, so that it is seen where the engine agrees with it
+        lines += [_drawn(*one) for one in sorted(drawn, key=lambda one: one[0].style == "theory")]
+        lines += _key([(curve, colour) for curve, _, colour in drawn if curve.name], right)
         return "\n".join([*lines, "</svg>", ""])
 
 

@@ -78,10 +78,10 @@ def water_column() -> Outcome:
             Chart(
                 "Pressure in the column",
                 "height, m",
-                "pressure, Pa",
+                "pressure, kPa",
                 (
-                    Curve("hydrostatics", [0, surface], [rho * G_MS2 * surface, 0], "theory"),
-                    Curve("engine", z[line], pressure[line], "dots"),
+                    Curve("hydrostatics", [0, surface], [rho * G_MS2 * surface / 1e3, 0], "theory"),
+                    Curve("engine", z[line], pressure[line] / 1e3, "dots"),
                 ),
             ),
         ),

@@ -30,13 +30,13 @@ def random_cube(cfl: float) -> Simulator:
     in_tests=("C = 0.3", "C = 0.5"),
 )
 def within_the_limit(*, cfl: float) -> Outcome:
-    """A cube of random particles with random velocities rings for 0.1 s."""
+    """A cube of random particles with random velocities rings for 0.1 s.
+
+    The grid takes most of the random motion, which it cannot carry, before the first frame.
+    """
     simulator = random_cube(cfl)
-    b = simulator.body
-    energy = 0.5 * b.mass_kg @ (np.asarray(b.velocities_ms) ** 2).sum(1)
-    frames = [simulator.advance() for _ in range(5)]
-    highest = max(frame.kinetic_energy_j + frame.elastic_energy_j for frame in frames)
-    return Outcome((Check.between("highest energy / energy at first", highest / energy, high=1.01),))
+    energy = [frame.kinetic_energy_j + frame.elastic_energy_j for frame in (simulator.advance() for _ in range(5))]
+    return Outcome((Check.between("highest energy / energy of the first frame", max(energy) / energy[0], high=1.01),))
 
 
 @benchmark(

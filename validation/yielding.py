@@ -41,11 +41,11 @@ def pulled_metal(*, hardening_pa: float) -> Outcome:
             Chart(
                 f"Tensile test, H = {hardening_pa:g} Pa",
                 "strain",
-                "von Mises stress, Pa",
+                "von Mises stress, kPa",
                 (
-                    Curve("sY", [0, strain[-1]], [yield_pa] * 2, "theory"),
-                    Curve("3 mu strain", [0, yield_pa / (3 * mu)], [0, yield_pa], "theory"),
-                    Curve("engine", strain, q),
+                    Curve("sY", [0, strain[-1]], [yield_pa / 1e3] * 2, "theory"),
+                    Curve("3 mu strain", [0, yield_pa / (3 * mu)], [0, yield_pa / 1e3], "theory"),
+                    Curve("engine", strain, q / 1e3),
                 ),
             ),
         ),
@@ -108,7 +108,7 @@ def crushed_snow() -> Outcome:
                 "stress at the end / at first crushing",
                 pressure[-1] / pressure[first],
                 expected=float(np.exp(10 * (plastic[first] - plastic[-1]))),
-                tolerance=0.02,
+                tolerance=1e-4,
             ),
         ),
         (
@@ -131,8 +131,8 @@ def crushed_snow() -> Outcome:
     "B20b",
     "Bingham fluid in steady shear",
     source="Bingham: |s| = sqrt(2/3) sY + eta |D|, D twice the rate of deformation",
-    variants={f"eta = {eta:g} Pa s": {"viscosity_pas": eta} for eta in (5.0, 100.0, 400.0)},
-    in_tests=("eta = 5 Pa s", "eta = 400 Pa s"),
+    variants={f"eta = {eta:g} Pa s": {"viscosity_pas": eta} for eta in (0.0, 5.0, 400.0)},
+    in_tests=("eta = 0 Pa s", "eta = 400 Pa s"),
 )
 def bingham(*, viscosity_pas: float) -> Outcome:
     """A point (E 1e5 Pa, sY 300 Pa) is sheared at 2 per second until its stress is steady."""
@@ -143,4 +143,4 @@ def bingham(*, viscosity_pas: float) -> Outcome:
     for _ in range(3000):
         tau = points.step(gradient, dt=1e-4)
     expected = np.sqrt(2 / 3) * 300 + viscosity_pas * np.sqrt(2) * rate
-    return Outcome((Check.share("|s|, Pa", deviator(tau)[1][0], expected=expected, tolerance=2e-3),))
+    return Outcome((Check.share("|s|, Pa", deviator(tau)[1][0], expected=expected, tolerance=1e-3),))
