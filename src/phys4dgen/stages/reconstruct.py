@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Source", "reconstruct", "source_of_splat"]
 
+_Y_UP = np.array([0.0, 1.0, 0.0])
+"""Up in glTF, and of what is made of a picture."""
+
 
 @dataclass(frozen=True, eq=False)
 class Source:
@@ -76,7 +79,8 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
         )
         for warning in by_program.warnings:
             progress.warn(warning)
-        return Source(by_program.gaussians, f"{by_program.backend}, object by {cutout.source}")
+        up = _Y_UP if any("{out.glb}" in word for word in chosen.argv) else None
+        return Source(by_program.gaussians, f"{by_program.backend}, object by {cutout.source}", up=up)
     options = InflateOptions(front_gaussians=chosen.front_gaussians, thickness=chosen.thickness_rel)
     made = inflate(cutout, options)
     for warning in made.warnings:
@@ -85,7 +89,7 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
     return Source(
         made.gaussians,
         f"{made.backend}, object by {cutout.source}",
-        up=np.array([0.0, 1.0, 0.0]),
+        up=_Y_UP,
         picture=made.picture,
         camera=made.camera,
         solid=solid,
@@ -107,7 +111,7 @@ def _from_mesh(scene: Scene) -> Source:
     from phys4dgen.reconstruct.mesh.gaussians import gaussians_from_mesh
 
     gaussians = gaussians_from_mesh(scene.input, count=scene.reconstruct.mesh_gaussians)
-    up = np.array([0.0, 1.0, 0.0]) if scene.input.suffix.lower() == ".glb" else None
+    up = _Y_UP if scene.input.suffix.lower() == ".glb" else None
     return Source(gaussians, "mesh, its surface sampled", up=up)
 
 
@@ -137,4 +141,4 @@ def _by_lgm(scene: Scene, progress: Progress) -> Source:
     made = reconstruct_by_lgm(read_views(chosen.views, size_px=BIG.input_px), chosen.checkpoint)
     for warning in made.warnings:
         progress.warn(warning)
-    return Source(made.gaussians, made.backend, up=np.array([0.0, 1.0, 0.0]), picture=made.picture, camera=made.camera)
+    return Source(made.gaussians, made.backend, up=_Y_UP, picture=made.picture, camera=made.camera)
