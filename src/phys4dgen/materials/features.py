@@ -38,6 +38,7 @@ class PartFeatures:
         top: greatest height, likewise.
         width: greatest horizontal half width as a share of the object's height.
         area_share: share of the object's surface.
+        roundness: spread of the distance from the middle over its mean; 0 for a ball, 0.1 for a cube, more for others.
         sheet_share: share of the part's surface that is a thin sheet, NaN where no continuum was given.
         rod_share: share of the part's surface that is a thin rod, NaN likewise.
         enclosed_by: names of the parts that stand around it on nearly all sides.
@@ -54,6 +55,7 @@ class PartFeatures:
     top: float
     width: float
     area_share: float
+    roundness: float
     sheet_share: float
     rod_share: float
     enclosed_by: tuple[str, ...]
@@ -114,6 +116,7 @@ def part_features(
             top=extents[i].top,
             width=float(extents[i].reach.max()),
             area_share=float(areas[i]),
+            roundness=_roundness(extents[i].points),
             sheet_share=float(thin[i, 0]),
             rod_share=float(thin[i, 1]),
             enclosed_by=names([row[i] for row in encloses]),
@@ -193,6 +196,14 @@ def _reach(points: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[
     turn = np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) % 1
     sector = np.minimum((turn * _SECTORS).astype(np.intp), _SECTORS - 1)
     return np.array([np.quantile(distance[sector == s], 0.9) if (sector == s).any() else 0.0 for s in range(_SECTORS)])
+
+
+def _roundness(points: NDArray[np.float64]) -> float:
+    """Robust spread of the distance from the middle of the box, over its median."""
+    low, high = np.quantile(points, [0.01, 0.99], axis=0)
+    distance = np.linalg.norm(points - (low + high) / 2, axis=1)
+    middle = float(np.median(distance))
+    return float(np.median(np.abs(distance - middle)) * 1.4826 / max(middle, 1e-12))
 
 
 def _areas(points: NDArray[np.float64], parts: Parts, cell: float) -> NDArray[np.float64]:
