@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from phys4dgen.errors import SimulationError
+from phys4dgen.errors import SceneError, SimulationError
 from phys4dgen.progress import SILENT
 from phys4dgen.scene.model import validated_scene
 from phys4dgen.stages.asset import Asset
@@ -123,3 +123,142 @@ def test_ground_and_gravity_are_as_asked_for(plan):
     assert found.settings.gravity_ms2[2] == pytest.approx(-9.81)
     weightless = plan({"motion": {"preset": "drop"}, "gravity": "off"})
     assert weightless.settings.gravity_ms2 == (0.0, 0.0, 0.0)
+
+
+# ------------------------------------------------------------------------------------------------ forces and boundaries
+
+TOP = {"kind": "box", "center": [0, 0, 0.19], "size": [1, 1, 0.02]}
+
+
+def rest(**keys):
+    return {"motion": {"preset": "rest"}, "parts": {"foot": {"hold": "fixed"}}, **keys}
+
+
+def test_forces_reach_the_solver_by_part_and_region(plan):
+    forces = [
+        {"kind": "total_force", "part": "post", "value_n": [1, 0, 0], "ramp_s": 0.1},
+        {"kind": "impulse", "part": "post", "region": TOP, "value_ns": [0, 0.1, 0], "at_s": 0.2},
+        {"kind": "wind", "velocity_ms": [2, 0, 0]},
+    ]
+    found = plan(rest(forces=forces))
+    total, blow, wind = found.settings.loads
+    body = found.assembly.body
+    assert total.part == 1
+    assert total.value_n == (1.0, 0.0, 0.0)
+    np.testing.assert_array_equal(blow.selects(body), (body.part == 1) & (body.positions_m[:, 2] > 0.18))
+    # air of 1.2 kg/m3 on the foot's and the post's side, both of 300 kg/m3
+    area = 0.1 * 0.025 + 0.025 * 0.175
+    mass = 300.0 * (0.1 * 0.1 * 0.025 + 0.025**2 * 0.175)
+    assert wind.drag_per_m == pytest.approx(0.5 * 1.2 * area / mass, rel=0.25)
+
+
+def test_lengths_and_points_of_fields_are_the_inputs(plan):
+    forces = [
+        {"kind": "attractor", "center": [0, 0, 0.5], "strength_ms2": 2, "radius": 0.1},
+        {"kind": "noise", "strength_ms2": 1},
+    ]
+    attractor, noise = plan(rest(forces=forces)).settings.loads
+    assert attractor.center_m == (0.0, 0.0, 0.5)
+    assert attractor.radius_m == 0.1
+    assert noise.length_m == pytest.approx(0.1)  # half of the longest side
+
+
+def test_a_region_without_anything_in_it_is_refused(plan):
+    empty = {"kind": "sphere", "center": [0, 0, 3], "radius": 0.1}
+    with pytest.raises(SimulationError, match=r"region of a acceleration holds nothing of part 'post'.*spans \[-0.0"):
+        plan(rest(forces=[{"part": "post", "region": empty, "value_ms2": [1, 0, 0]}]))
+
+
+def test_a_lasting_pin_holds_and_a_passing_one_lets_go(plan):
+    found = plan({"motion": {"preset": "rest"}, "gravity": "on", "boundaries": [{"kind": "pin", "region": TOP}]})
+    np.testing.assert_array_equal(found.held.particles, found.assembly.body.positions_m[:, 2] > 0.18)
+    passing = plan(
+        {"motion": {"preset": "rest"}, "gravity": "on", "boundaries": [{"kind": "pin", "region": TOP, "to_s": 1}]}
+    )
+    assert not passing.held.particles.any()
+    (drive,) = passing.settings.drives
+    assert drive.velocity_ms == (0.0, 0.0, 0.0)
+    assert drive.to_s == 1
+
+
+def test_what_is_told_to_move_is_not_held(plan):
+    found = plan({"forces": [{"kind": "velocity", "part": "foot", "value_ms": [0.1, 0, 0], "to_s": 0.5}]})
+    assert found.facts.preset == "rest"
+    assert not found.held.particles[found.assembly.body.part == 0].any()
+    turn = {"kind": "rotation", "part": "post", "axis": [0, 0, 2], "rate_deg_s": 90}
+    (drive,) = plan({"forces": [turn]}).settings.drives
+    np.testing.assert_allclose(drive.spin_rad_s, [0, 0, np.pi / 2])
+    np.testing.assert_allclose(drive.center_m[:2], 0, atol=1e-9)
+
+
+def test_press_brings_a_plate_down_by_its_share_of_the_height(plan):
+    found = plan({"motion": {"preset": "press", "press_depth_rel": 0.25}})
+    assert not found.held.particles.any()
+    assert found.settings.ground.contact == "sticky"
+    (plate,) = found.settings.obstacles
+    bottom = plate.shape.center_m[2] - plate.shape.half_m[2] - plate.shape.radius_m
+    assert bottom == pytest.approx(0.2 + 0.05 * 0.2, rel=1e-3)
+    deepest = plate.shift_m(0.3 * 2.0)[2]
+    assert bottom + deepest == pytest.approx(0.75 * 0.2, rel=1e-3)
+    np.testing.assert_allclose(plate.shift_m(2.0), 0)
+    assert len(found.facts.obstacles) == 1
+    by_force = plan({"motion": {"preset": "press", "press_force_n": 2.0}}).settings.obstacles[0]
+    assert by_force.push.force_n == 2.0
+
+
+def test_press_and_twist_need_something_soft(plan):
+    with pytest.raises(SimulationError, match="press: nothing of the object would deform"):
+        plan({"motion": {"preset": "press"}}, foot=STEEL, post=STEEL)
+
+
+def test_twist_turns_the_top_and_holds_the_foot(plan):
+    found = plan({"motion": {"preset": "twist", "twist_deg": 70}})
+    assert found.held.parts == ("foot",)
+    turn, stay = found.settings.drives
+    assert turn.spin_rad_s[2] * (turn.to_s - turn.from_s) == pytest.approx(np.radians(70))
+    assert stay.from_s == turn.to_s
+    np.testing.assert_array_equal(
+        turn.selects(found.assembly.body), found.assembly.body.positions_m[:, 2] > 0.16 - 0.0007
+    )
+
+
+def test_melt_changes_a_part_from_outside_inwards(plan):
+    found = plan({"motion": {"preset": "melt", "part": "foot"}})
+    (change,) = found.settings.changes
+    body = found.assembly.body
+    mine = change.selects(body)
+    np.testing.assert_array_equal(mine, body.part == 0)
+    assert change.law.name == "FLUID"
+    assert change.at_s[mine].max() == pytest.approx(1.0)
+    outer = mine & (np.abs(body.positions_m[:, 0]) > 0.045)
+    inner = (
+        mine
+        & (np.linalg.norm(body.positions_m[:, :2], axis=1) < 0.02)
+        & (np.abs(body.positions_m[:, 2] - 0.0125) < 0.004)
+    )
+    assert change.at_s[outer].max() < change.at_s[inner].min() + 1e-9
+    assert found.settings.gravity_ms2[2] == pytest.approx(-9.81)
+    with pytest.raises(SceneError, match="say what melts"):
+        plan({"motion": {"preset": "melt"}})
+
+
+def test_obstacles_stand_where_the_scene_says(plan):
+    boundaries = [
+        {"kind": "plane", "point": [0.3, 0, 0], "normal": [-1, 0, 0]},
+        {"kind": "sphere", "center": [0, 0, 0.5], "radius": 0.1, "velocity_ms": [0, 0, -1]},
+        {"kind": "capsule", "start": [-1, 0, 0.4], "end": [1, 0, 0.4], "radius": 0.05},
+        {"kind": "box", "center": [0, 1, 0], "size": [0.2, 0.4, 0.6], "rotation_deg": [0, 0, 90], "to_s": 0.5},
+        {"kind": "container"},
+    ]
+    obstacles = plan(rest(gravity="on", boundaries=boundaries)).settings.obstacles
+    assert len(obstacles) == 4 + 6
+    at = np.array([[0.1, 0.05, 0.3]])
+    wall, ball, rod, block = (obstacle.shape.distances(at)[0][0] for obstacle in obstacles[:4])
+    assert wall == pytest.approx(0.2)
+    assert ball == pytest.approx(np.sqrt(0.01 + 0.0025 + 0.04) - 0.1)
+    assert rod == pytest.approx(np.hypot(0.05, 0.1) - 0.05)
+    assert block == pytest.approx(1 - 0.05 - 0.1)  # turned by 90 degrees: 0.2 along y
+    assert not obstacles[3].is_there(0.6)
+    np.testing.assert_allclose(obstacles[1].shift_m(0.2), [0, 0, -0.2])
+    inside = [obstacle.shape.distances(np.array([[0.0, 0, 0.1]]))[0][0] for obstacle in obstacles[4:]]
+    assert min(inside) == pytest.approx(0.1, abs=0.004)  # its floor lies under the object

@@ -342,6 +342,8 @@ class Simulator:
         if self._rigid is None or self._solids.count == 0:
             return None
         columns, grid = self._particles.columns, self._grid
+        if self._particles.soft_ranges == 0:
+            return np.zeros(len(grid.contacts[1]))
         total, soft = np.zeros((2, *grid.nodes), np.float32)
         is_soft = (self._rigid.group_of[self._particles.numbers] < 0).astype(np.int32)
         node_masses(columns, is_soft, 1, 1 / self._dx, grid.shift, total, soft)
