@@ -5,7 +5,9 @@
 
 Three columns: with default options, with the number of parts given, and with one click per part (in the middle of the
 largest patch of that part in any of the ``object`` views). All Gaussians with opacity above 0.05 count, buried ones
-included, floaters not; a true part without a partner counts 0. Exit code 1 when a mean misses its limit.
+included, floaters not; a true part without a partner counts 0. The same three follow for the surface that can be seen:
+of the captures at hand 91 to 93 % can, of the hamburger here 51 %. The settings were chosen on the first half of the
+bundled objects and on those of the study. Exit code 1 when a mean misses its limit.
 """
 
 from __future__ import annotations
@@ -29,12 +31,15 @@ from phys4dgen.render.views import render_labels, render_views
 from phys4dgen.types import SH_C0, Camera, Frame, Gaussians, rotation_to_z_up
 from phys4dgen.types.color import lab_to_srgb, srgb_to_lab
 from phys4dgen.zoo.captured import as_captured
-from phys4dgen.zoo.catalogue import BUNDLED, bundled
+from phys4dgen.zoo.catalogue import bundled
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 COLUMNS = ("default", "--parts N", "clicks")
+CHOSEN_ON = ("potted_flower", "snowman", "hammer", "carnation", "hamburger", "basketball")
+JUDGED_ON = ("rubber_duck", "sandcastle", "telephone", "straw_hat", "balloon", "cup")
 LIMITS = {
-    "bundled objects": (0.75, 0.82, 0.90),
+    "bundled objects, first half": (0.75, 0.82, 0.90),
+    "bundled objects, second half": (0.75, 0.82, 0.90),
     # the figures of the earlier study on its own objects, less 0.02
     "study, first half": (0.756, 0.829, 0.0),
     "study, second half": (0.816, 0.870, 0.0),
@@ -64,16 +69,16 @@ def clicks(gaussians: Gaussians, truth: NDArray[np.int32], cameras: tuple[Camera
         front = render_labels(gaussians, everyone, camera)
         part = np.where(front >= 0, truth[front], -1)
         for number in np.unique(part[part >= 0]):
-            room = distance_transform_edt(np.pad(part == number, 1))[1:-1, 1:-1]
+            room = np.asarray(distance_transform_edt(np.pad(part == number, 1)))[1:-1, 1:-1]
             pixel = np.unravel_index(int(room.argmax()), room.shape)
             if room[pixel] > best.get(int(number), (0.0, 0))[0]:
                 best[int(number)] = (float(room[pixel]), int(front[pixel]))
     return {f"part_{number}": [gaussian] for number, (_, gaussian) in sorted(best.items())}
 
 
-def bundled_objects() -> Iterator[Item]:
-    """The objects of the product, with capture noise."""
-    for name in BUNDLED:
+def bundled_objects(names: tuple[str, ...]) -> Iterator[Item]:
+    """Objects of the product, with capture noise."""
+    for name in names:
         item = bundled(name)
         yield name, *as_captured(item.gaussians, item.labels), item.up
 
@@ -101,7 +106,7 @@ def study_objects(folder: Path, names: tuple[str, ...]) -> Iterator[Item]:
 
 
 def scores(gaussians: Gaussians, truth: NDArray[np.int32], up: NDArray[np.float64]) -> tuple[list[float], int, float]:
-    """The three columns, the number of parts found, and seconds for the first."""
+    """The three columns, over all and over what is seen, the number of parts found, and seconds for the first."""
     frame = Frame(rotation_to_z_up(up), 1.0)
     counted = np.where(gaussians.opacities > 0.05, truth, -1)
     start = time.perf_counter()
@@ -112,7 +117,9 @@ def scores(gaussians: Gaussians, truth: NDArray[np.int32], up: NDArray[np.float6
     true_count = len(np.unique(truth[truth >= 0]))
     given = parts_from_tree(tree, gaussians, frame, parts=true_count)
     clicked = parts_from_seeds(tree.graph, gaussians, frame, clicks(gaussians, truth, cameras))
-    return [matched_iou(found.labels, counted) for found in (parts, given, clicked)], parts.count, seconds
+    seen = np.where(tree.graph.visible, counted, -1)
+    rows = [matched_iou(found.labels, what) for what in (counted, seen) for found in (parts, given, clicked)]
+    return rows, parts.count, seconds
 
 
 def main() -> int:
@@ -120,14 +127,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--prototype-dir", type=Path, default=SHARED / "prototypes/grouping")
     folder = parser.parse_args().prototype_dir
-    sets = {"bundled objects": bundled_objects()}
+    sets = {
+        "bundled objects, first half": bundled_objects(CHOSEN_ON),
+        "bundled objects, second half": bundled_objects(JUDGED_ON),
+    }
     if (folder / "zoo.py").is_file():
         sets |= {name: study_objects(folder, names) for name, names in STUDY.items()}
     missed = False
     for name, items in sets.items():
-        print(
-            f"grouping: {name}\n  {'object':14s}" + "".join(f"{column:>11s}" for column in COLUMNS) + "  parts  seconds"
-        )
+        heads = (*COLUMNS, *("seen" for _ in COLUMNS))
+        print(f"grouping: {name}\n  {'object':14s}" + "".join(f"{head:>11s}" for head in heads) + "  parts  seconds")
         rows = []
         for item, gaussians, truth, up in items:
             row, count, seconds = scores(gaussians, truth, up)
@@ -138,8 +147,8 @@ def main() -> int:
         limits = LIMITS[name]
         print("  mean          " + "".join(f"{mean:11.3f}" for mean in means))
         print("  limit         " + "".join(f"{limit:11.3f}" for limit in limits), flush=True)
-        missed |= bool((means < limits).any())
-    if len(sets) == 1:
+        missed |= bool((means[: len(limits)] < limits).any())
+    if len(sets) == 2:
         print(f"grouping: {folder / 'zoo.py'} is not here; its objects are left out")
     return int(missed)
 

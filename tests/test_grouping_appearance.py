@@ -22,6 +22,7 @@ from phys4dgen.grouping.merging import MergeTree, merge_tree, tree_from_arrays
 from phys4dgen.grouping.patch_graph import patch_graph
 from phys4dgen.grouping.supervoxels import core_gaussians, object_radius, supervoxels
 from phys4dgen.grouping.surface_color import SurfaceColor, surface_color
+from phys4dgen.materials import identify_by_rules
 from phys4dgen.render.cameras import view_cameras
 from phys4dgen.render.views import render_views
 from phys4dgen.types import Frame, Gaussians, Parts, rotation_to_z_up
@@ -239,3 +240,14 @@ def test_three_parts_of_the_real_plant(real_plant):
         assert max(iou) >= 0.8
         homes.append(int(np.argmax(iou)))
     assert len(set(homes)) == 3
+
+
+def test_materials_of_the_real_plant_without_any_input(real_plant):
+    """The bar of the contract: pot, soil and foliage of two library materials at least, none absurd."""
+    gaussians, parts, _, _, regions = real_plant
+    book = list(identify_by_rules(gaussians, parts, MINUS_Y_UP).parts.values())
+    pot, soil, foliage = (book[int(np.bincount(parts.labels[region]).argmax())].surface for region in regions)
+    assert all(found.source == "rule" for found in (pot, soil, foliage))
+    assert pot.name in {"ceramic", "polypropylene"}
+    assert soil.name == "garden_soil"
+    assert foliage.name in {"leaf_blade", "herbaceous_stem"}
