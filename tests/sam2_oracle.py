@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 
 from phys4dgen.grouping.sam2.segmenter import Proposal
 from phys4dgen.render.cameras import orbit_camera
-from phys4dgen.render.rasterise import Rasteriser, packed_covariances
+from phys4dgen.render.views import render_label_maps
 
 
 class Oracle:
@@ -92,14 +92,7 @@ class Oracle:
 
 def true_maps(gaussians, labels, cameras):
     """The part that each pixel of each view shows; floaters show nothing."""
-    rasteriser, covariances = Rasteriser(), packed_covariances(gaussians.covariances())
-    known = np.where(labels >= 0, labels, labels.max() + 1)
-    maps = np.stack(
-        [
-            rasteriser.render_labels(gaussians.means, covariances, gaussians.opacities, labels=known, camera=camera)
-            for camera in cameras
-        ]
-    )
+    maps = render_label_maps(gaussians, np.where(labels >= 0, labels, labels.max() + 1), cameras)
     return np.where(maps > labels.max(), -1, maps)
 
 

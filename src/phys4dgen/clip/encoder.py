@@ -18,7 +18,7 @@ from phys4dgen.weights import load_model
 __all__ = ["DEFAULT_CLIP", "ClipEncoder"]
 
 DEFAULT_CLIP = "openai/clip-vit-base-patch16"
-_AT_ONCE = 16
+_PICTURES_AT_ONCE, _SENTENCES_AT_ONCE = 16, 64
 _MAX_TOKENS = 77
 
 
@@ -60,17 +60,17 @@ class ClipEncoder:
     def pictures(self, pictures: Sequence[NDArray[np.uint8]]) -> NDArray[np.float32]:
         """Unit vectors of pictures of shape [H, W, 3], any sizes; shape [P, D]."""
         found = []
-        for start in range(0, len(pictures), _AT_ONCE):
-            batch = self._processor(images=list(pictures[start : start + _AT_ONCE]), return_tensors="pt")
+        for start in range(0, len(pictures), _PICTURES_AT_ONCE):
+            batch = self._processor(images=list(pictures[start : start + _PICTURES_AT_ONCE]), return_tensors="pt")
             found.append(self._unit(self._model.get_image_features, pixel_values=batch["pixel_values"]))
         return np.concatenate(found)
 
     def sentences(self, sentences: Sequence[str]) -> NDArray[np.float32]:
         """Unit vectors of sentences; shape [S, D]."""
         found = []
-        for start in range(0, len(sentences), _AT_ONCE):
+        for start in range(0, len(sentences), _SENTENCES_AT_ONCE):
             tokens = self._tokenizer(
-                list(sentences[start : start + _AT_ONCE]),
+                list(sentences[start : start + _SENTENCES_AT_ONCE]),
                 padding=True, truncation=True, max_length=_MAX_TOKENS, return_tensors="pt",
             )  # fmt: skip
             inputs = {key: tokens[key] for key in ("input_ids", "attention_mask")}

@@ -56,13 +56,14 @@ def identify_by_clip(
 
 def _material_vectors(encoder: ClipEncoder) -> tuple[list[str], NDArray[np.float32]]:
     """Names of the library's materials and a unit vector for each, the mean over its names and sentences."""
-    names, vectors = [], []
-    for entry in library_entries().values():
-        words = [word.replace("_", " ") for word in (entry.name, *entry.aliases)]
-        mean = encoder.sentences([form.format(word) for word in words for form in _SENTENCES]).mean(0)
-        names.append(entry.name)
-        vectors.append(mean / max(float(np.linalg.norm(mean)), 1e-12))
-    return names, np.array(vectors, np.float32)
+    entries = list(library_entries().values())
+    words = [[word.replace("_", " ") for word in (entry.name, *entry.aliases)] for entry in entries]
+    sentences = [form.format(word) for own in words for word in own for form in _SENTENCES]
+    owner = np.repeat(np.arange(len(entries)), [len(own) * len(_SENTENCES) for own in words])
+    found = encoder.sentences(sentences)
+    vectors = np.zeros((len(entries), found.shape[1]), np.float32)
+    np.add.at(vectors, owner, found)
+    return [entry.name for entry in entries], vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def _named(names: Sequence[str], logits: NDArray[np.float64], model: str) -> PartMaterials:

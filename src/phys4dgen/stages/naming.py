@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,10 +10,10 @@ from phys4dgen.errors import StageError
 from phys4dgen.grouping.correspondence import NamedSegments, name_parts_by_picture, read_segments
 from phys4dgen.progress import Progress
 from phys4dgen.reconstruct.picture import read_picture
-from phys4dgen.render.views import render_labels
+from phys4dgen.render.views import render_label_maps
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
-from phys4dgen.types import Camera, Parts, Views
+from phys4dgen.types import Parts, Views
 from phys4dgen.weights import chosen_device, weights_folder
 
 __all__ = ["clip_encoder", "names_from_picture"]
@@ -29,9 +27,8 @@ def names_from_picture(scene: Scene, asset: Asset, views: Views, parts: Parts, p
     segments = read_segments(wanted.segments, *picture.size)
     named = NamedSegments(_eight_bit(picture.rgb), segments, wanted.names)
     encoder = None if wanted.compare == "descriptor" else _encoder(scene, progress)
-    found, view = name_parts_by_picture(
-        named, [_eight_bit(rgb) for rgb in views.rgb], _part_maps(asset, parts, views.cameras), encoder=encoder
-    )
+    maps = render_label_maps(asset.gaussians, parts.labels, views.cameras)
+    found, view = name_parts_by_picture(named, [_eight_bit(rgb) for rgb in views.rgb], list(maps), encoder=encoder)
     how = "colour and shape (stand-in for CLIP)" if encoder is None else f"CLIP ({encoder.name})"
     names: dict[int, str] = {}
     for naming in found:
@@ -69,10 +66,6 @@ def _encoder(scene: Scene, progress: Progress) -> ClipEncoder | None:
             raise
         progress.note(f"The picture is compared by colour and shape, because {error}")
         return None
-
-
-def _part_maps(asset: Asset, parts: Parts, cameras: Sequence[Camera]) -> list[NDArray[np.int32]]:
-    return [render_labels(asset.gaussians, parts.labels, camera) for camera in cameras]
 
 
 def _eight_bit(rgb: NDArray[np.float32]) -> NDArray[np.uint8]:
