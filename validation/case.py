@@ -69,15 +69,14 @@ class Check:
     def texts(self) -> tuple[str, str, str, str]:
         """Expected, measured, error and tolerance as a table shows them."""
         measured = _number(self.measured)
+        low, high = math.isfinite(self.low), math.isfinite(self.high)
         error = self.error
         if self.expected is None or error is None:
-            bounds = [f">= {_number(self.low)}"] if math.isfinite(self.low) else []
-            bounds += [f"<= {_number(self.high)}"] if math.isfinite(self.high) else []
-            return " and ".join(bounds) or "-", measured, "-", "as expected" if bounds else "report only"
-        if self.relative:
-            tolerance = (self.high - self.low) / 2 / abs(self.expected)
-            return _number(self.expected), measured, _share(error), _share(tolerance).lstrip("+")
-        return _number(self.expected), measured, _number(error), _number((self.high - self.low) / 2)
+            bounds = [f">= {_number(self.low)}"] * low + [f"<= {_number(self.high)}"] * high
+            return " and ".join(bounds) or "-", measured, "-", "-" if bounds else "report only"
+        show = _share if self.relative else _number
+        reach = (self.high - self.low) / 2 / (abs(self.expected) if self.relative else 1.0)
+        return _number(self.expected), measured, show(error), show(reach).lstrip("+") if low and high else "report only"
 
 
 def _number(value: float) -> str:

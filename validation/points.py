@@ -24,7 +24,7 @@ COUNT = 32
 def _forget_stale_kernels() -> None:
     """Numba sees when this file changes, but not when the laws do."""
     package = Path(phys4dgen.__file__).parent
-    sources = [*(package / "mpm/laws").glob("*.py"), *(package / "vector").glob("*.py"), package / "mpm/kernels"]
+    sources = [path for folder in ("mpm/laws", "mpm/kernels", "vector") for path in (package / folder).glob("*.py")]
     newest = max(path.stat().st_mtime for path in sources)
     for cached in (Path(__file__).parent / "__pycache__").glob("points.*.nb[ic]"):
         if cached.stat().st_mtime < newest:
@@ -40,7 +40,7 @@ def _step(law: Any, particles: Any, gradients: Any, dt: Any, tau: Any) -> None:
     c0, c1, c2, c3, c4, c5, c6, c7, c8 = c
     g = (dt * c0, dt * c1, dt * c2, dt * c3, dt * c4, dt * c5, dt * c6, dt * c7, dt * c8)
     h = load_columns32(particles, DISPLACEMENT_GRADIENT * COUNT, COUNT, 9)
-    h = advance_gradient(law, particles, 0, COUNT, h, g, True)
+    h = advance_gradient(law, particles, 0, COUNT, h, g)
     store_columns(tau, 0, COUNT, stress(law, particles, 0, COUNT, h, c, dt))
 
 

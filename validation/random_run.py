@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from phys4dgen.errors import SimulationError
-from phys4dgen.mpm import Frame, HollowBall, Simulator
+from phys4dgen.mpm import Frame, HalfSpace, HollowBall, Simulator
 from validation.accounting import Account
 from validation.random_scenes import FRAMES, Scene, random_scene
 
@@ -102,10 +102,10 @@ def _state_fault(scene: Scene, frame: Frame, fastest_ms: float) -> str:
         if depth > dx_m:
             return f"a particle is {depth / dx_m:.2f} cells below the ground at {frame.time_s:.4g} s"
     for obstacle in scene.settings.obstacles:
-        if isinstance(obstacle.shape, HollowBall):
-            out = float((-obstacle.shape.distances(frame.positions_m[free])[0]).max())
-            if out > dx_m:
-                return f"a particle is {out / dx_m:.2f} cells outside the hollow ball at {frame.time_s:.4g} s"
+        if isinstance(obstacle.shape, HollowBall | HalfSpace):
+            depth = float((-obstacle.shape.distances(frame.positions_m[free])[0]).max())
+            if depth > dx_m:
+                return f"a particle is {depth / dx_m:.2f} cells behind a wall at {frame.time_s:.4g} s"
     return ""
 
 
