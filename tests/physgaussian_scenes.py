@@ -105,8 +105,8 @@ CONFIGURATIONS = {
             {
                 "type": "release_particles_sequentially",
                 "normal": [0, 0, 1],
-                "start_position": 0.5,
-                "end_position": 1.6,
+                "start_position": 0.8,
+                "end_position": 1.2,
                 "num_layers": 20,
                 "start_time": 0.0,
                 "end_time": 0.5,

@@ -250,8 +250,12 @@ def _release(condition: ReleaseSequentially, at: _Context) -> None:
         middle[axis] = condition.end_position + side * reach / 2
         half = np.ones(3)
         half[axis] = reach / 2
-        if at.chosen(middle, half) == 0:
+        inside = (np.abs(at.places - middle) < half).all(1)
+        if not inside.any():
             continue
+        # the front reaches end_position at end_time, and each place before it in proportion
+        share = 1 - np.abs(at.places[inside, axis] - condition.end_position) / reach
+        first_s, last_s = condition.end_time * float(share.min()), condition.end_time * float(share.max())
         inwards = np.zeros(3)
         inwards[axis] = -side
         at.carried.boundaries.append(
@@ -259,7 +263,8 @@ def _release(condition: ReleaseSequentially, at: _Context) -> None:
                 "kind": "release",
                 "region": at.placement.box(middle, half),
                 "direction": at.placement.vector(inwards),
-                "to_s": condition.end_time,
+                "from_s": round(first_s, 9),
+                "to_s": round(max(last_s, first_s + at.config.substep_dt), 9),
             }
         )
         if side == -outwards:
