@@ -2,7 +2,7 @@
 
 At the end of a frame particles whose time has come get the law and the numbers of their new material. Mass, place,
 velocity and the deformation that moves Gaussians stay. Stress goes on from the elastic strain where the new law has
-one; a fluid takes over the compression and forgets the shape. What has flowed cannot take a law whose stress comes from
+one; a fluid takes over the compression. What has flowed cannot take a law whose stress comes from
 the deformation gradient itself, since its shape is not at rest any more: it hardens to a plastic law.
 """
 
@@ -150,10 +150,6 @@ def _take_state(
     if "growth" in law.state:
         growth = np.sqrt(np.maximum(np.linalg.det(b), 1e-6)) - 1
         new.columns[first + law.state.index("growth"), places] = np.minimum(growth, 0)
-    if law.gradient is Gradient.ROTATION:
-        left, _, right = np.linalg.svd(F)
-        rotation = left @ right - np.eye(3)
-        new.columns[DISPLACEMENT_GRADIENT : DISPLACEMENT_GRADIENT + 9, places] = rotation.reshape(-1, 9).T
 
 
 def _elastic_left_cauchy_green(
