@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from phys4dgen.stages.resolution import FINE_GRID, automatic_grid, estimated_particles
+from phys4dgen.stages.resolution import FINE_GRID, MOST_PARTICLES_OF_A_GUESS, automatic_grid, estimated_particles
 from phys4dgen.types import Gaussians
 
 
@@ -31,6 +31,8 @@ def test_a_ball_is_estimated_about_right_and_given_a_coarser_grid():
     grid = automatic_grid(ball, rotation=np.eye(3))
     assert grid < FINE_GRID
     assert estimated_particles(ball, rotation=np.eye(3), grid=grid) <= 120_000
+    quick = automatic_grid(ball, rotation=np.eye(3), most_particles=MOST_PARTICLES_OF_A_GUESS)
+    assert 20 < quick < grid
 
 
 def test_an_open_underside_does_not_empty_the_estimate():

@@ -16,7 +16,7 @@ FINE_GRID = 64
 MOST_PARTICLES = 120_000
 """A drop of two seconds then takes a few minutes on two cores."""
 
-MOST_PARTICLES_OF_A_GUESS = 50_000
+MOST_PARTICLES_OF_A_GUESS = 40_000
 """The same in a minute: enough where the shape behind the picture is guessed from its outline."""
 
 _COARSE_GRID = 24
