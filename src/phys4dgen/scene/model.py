@@ -68,7 +68,8 @@ class Scene(Section):
     """what acts besides the motion's own, see docs/forces.md"""
     gravity: Literal["auto", "rest", "on", "off"] = "auto"
     """rest: the shape given is at rest under its weight, which adds no second sag; on: weight acts on an unloaded
-    shape; off: weightless; auto: on for drop and melt and where gravity_ms2 is given, else rest"""
+    shape; off: weightless; auto: on for drop and melt, for press on a ground that does not hold,
+    and where gravity_ms2 is given, else rest"""
     gravity_ms2: Auto | Vector = "auto"
     """acceleration of gravity in the input's axes; auto: 9.81 downwards"""
     boundaries: tuple[Boundary, ...] = ()

@@ -92,7 +92,10 @@ def circumstances(scene: Scene, asset: Asset, parts: Parts, book: MaterialBook, 
         changes = (*changes, melting(scene, part, density_kgm3, asset.height_m))
     gravity = scene.gravity
     if gravity == "auto":
-        gravity = "on" if preset in ("drop", "melt") or scene.gravity_ms2 != "auto" else "rest"
+        # what is pressed and not held by its ground jumps when it is let go, and must come down again
+        jumps = preset == "press" and any(isinstance(b, Ground) and b.contact == "separate" for b in boundaries)
+        weighs = preset in ("drop", "melt") or jumps or scene.gravity_ms2 != "auto"
+        gravity = "on" if weighs else "rest"
     return Circumstances(
         preset,
         gravity,
