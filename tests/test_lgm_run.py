@@ -95,6 +95,7 @@ def test_a_run_with_lgm_is_resumed_from_its_folder(scene, checkpoint, tmp_path, 
     monkeypatch.setattr(configuration, "BIG", TINY)
     monkeypatch.setattr(generator.reconstruct_by_lgm, "__kwdefaults__", {"config": TINY})
     (tmp_path / "tiny.safetensors").write_bytes(checkpoint.read_bytes())
+    scene = scene.with_overrides({"views.size_px": 64})
     run = generate(scene, tmp_path / "run", until="reconstruct")
     facts = json.loads((run.root / "reconstruct" / "source.json").read_text())
     assert facts["backend"] == "LGM, four views given"
