@@ -70,7 +70,7 @@ def _named(names: Sequence[str], logits: NDArray[np.float64], model: str) -> Par
     """The most probable material, and how probable the next one is."""
     weight = np.exp(logits - logits.max())
     probability = weight / weight.sum()
-    first, second = np.argsort(-probability, kind="stable")[:2].tolist()
+    first, second = (int(place) for place in np.argsort(-probability, kind="stable")[:2])
     warnings = ["CLIP judges a surface by its look; how often it is right has not been measured"]
     if probability[first] < _UNSURE:
         warnings.append(f"CLIP is not sure: {names[first]} with a probability of {probability[first]:.2f}")

@@ -16,14 +16,14 @@ from phys4dgen.weights import read_config
 __all__ = ["MODEL_TYPE", "Cost", "predicted_cost"]
 
 MODEL_TYPE = "sam2_video"
-_CPU_FLOPS_PER_THREAD = 15e9
+_CPU_FLOPS_PER_THREAD = 12.5e9
 _CUDA_FLOPS = 5e12
 """Of an ordinary card; never measured here."""
 _EXPECTED_OBJECTS = 6
 _EXPECTED_PROMPTS = 0.6
 """Of the grid's points fall on the foreground in all key views together."""
 _TINY_DIMS, _TINY_BLOCKS = (96, 192, 384, 768), (1, 2, 7, 2)
-_PROMPT_FLOPS, _STEP_FLOPS = 9e9, 90e9
+_PROMPT_FLOPS, _STEP_FLOPS = 3.3e9, 120e9
 """Of the mask decoder for one prompt and of one object in one view, which are the same for all sizes of SAM2."""
 
 
