@@ -45,7 +45,7 @@ class Frame:
         time_s: simulated time.
         positions_m: shape [P, 3], float64.
         deformation_gradients: total F, shape [P, 3, 3], float32; of material that flows within limits
-            (``state.REMEMBERED_STRETCH``), of fluids the rotation.
+            (``state.REMEMBERED_STRETCH``).
         velocities_ms: shape [P, 3], float32.
         substeps: taken since the last frame.
         dt_s: their length, at the end of the frame.

@@ -22,7 +22,7 @@ __all__ = ["advance_gradient", "stress"]
 _f = np.float32
 
 
-def advance_gradient(law: Any, particles: Any, batch: Any, stride: Any, h: Any, g: Any, is_last: Any) -> Any:
+def advance_gradient(law: Any, particles: Any, batch: Any, stride: Any, h: Any, g: Any) -> Any:
     """Inside kernels: nine lanes of H after a substep with g = dt C, stored too.
 
     Args:
@@ -32,7 +32,6 @@ def advance_gradient(law: Any, particles: Any, batch: Any, stride: Any, h: Any, 
         stride: length of a column.
         h: H before the substep.
         g: dt C.
-        is_last: this is the last substep of a segment.
     """
     raise NotImplementedError("advance_gradient works inside compiled kernels only.")
 
@@ -59,55 +58,13 @@ def _advance_total(particles, batch, stride, h, g):
     return h
 
 
-@inline
-def _orthogonal(r):
-    """One step of Newton's polar iteration, R <- R (3 - R^T R) / 2."""
-    t0, t1, t2, t3, t4, t5, t6, t7, t8 = r
-    s00 = _f(1.5) - _f(0.5) * (t0 * t0 + t3 * t3 + t6 * t6)
-    s11 = _f(1.5) - _f(0.5) * (t1 * t1 + t4 * t4 + t7 * t7)
-    s22 = _f(1.5) - _f(0.5) * (t2 * t2 + t5 * t5 + t8 * t8)
-    s01 = _f(-0.5) * (t0 * t1 + t3 * t4 + t6 * t7)
-    s02 = _f(-0.5) * (t0 * t2 + t3 * t5 + t6 * t8)
-    s12 = _f(-0.5) * (t1 * t2 + t4 * t5 + t7 * t8)
-    return matmul(r, (s00, s01, s02, s01, s11, s12, s02, s12, s22))
-
-
-@inline
-def _advance_rotation(particles, batch, stride, h, g, is_last):
-    """The spin (g - g^T) / 2 turns R; at the end of a segment R is made a rotation again."""
-    _, g01, g02, g10, _, g12, g20, g21, _ = g
-    x, y, z = _f(0.5) * (g21 - g12), _f(0.5) * (g02 - g20), _f(0.5) * (g10 - g01)
-    h0, h1, h2, h3, h4, h5, h6, h7, h8 = h
-    r0, r1, r2, r3, r4, r5, r6, r7, r8 = h0 + _f(1), h1, h2, h3, h4 + _f(1), h5, h6, h7, h8 + _f(1)
-    h = _sum9(
-        h,
-        (
-            y * r6 - z * r3, y * r7 - z * r4, y * r8 - z * r5,
-            z * r0 - x * r6, z * r1 - x * r7, z * r2 - x * r8,
-            x * r3 - y * r0, x * r4 - y * r1, x * r5 - y * r2,
-        ),
-    )  # fmt: skip
-    if is_last:
-        h0, h1, h2, h3, h4, h5, h6, h7, h8 = h
-        r = _orthogonal((h0 + _f(1), h1, h2, h3, h4 + _f(1), h5, h6, h7, h8 + _f(1)))
-        r0, r1, r2, r3, r4, r5, r6, r7, r8 = r
-        h = (r0 - _f(1), r1, r2, r3, r4 - _f(1), r5, r6, r7, r8 - _f(1))
-    store_columns(particles, DISPLACEMENT_GRADIENT * stride + batch, stride, h)
-    return h
-
-
 @overload(advance_gradient, jit_options=INLINE)
-def _advance_gradient(law, particles, batch, stride, h, g, is_last):
-    kind = law_named(law.law_name).gradient
-    if kind is Gradient.TOTAL:
-        return lambda law, particles, batch, stride, h, g, is_last: _advance_total(particles, batch, stride, h, g)
-    if kind is Gradient.ROTATION:
-        return lambda law, particles, batch, stride, h, g, is_last: _advance_rotation(
-            particles, batch, stride, h, g, is_last
-        )
+def _advance_gradient(law, particles, batch, stride, h, g):
+    if law_named(law.law_name).gradient is Gradient.TOTAL:
+        return lambda law, particles, batch, stride, h, g: _advance_total(particles, batch, stride, h, g)
     rest_column = LAW_COLUMNS + len(law_named(law.law_name).parameters) + len(law_named(law.law_name).state)
 
-    def advance_elastic(law, particles, batch, stride, h, g, is_last):
+    def advance_elastic(law, particles, batch, stride, h, g):
         rest_at = rest_column * stride + batch
         h0, h1, h2, h3, h4, h5, h6, h7, h8 = h
         r0, r1, r2, r3, r4, r5, r6, r7, r8 = load_columns32(particles, rest_at, stride, 9)

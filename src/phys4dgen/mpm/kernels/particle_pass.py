@@ -196,7 +196,7 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
                 store_columns(particles, AFFINE * stride + batch, stride, c)
             f = k * dt
             g = (f * b00, f * b01, f * b02, f * b10, f * b11, f * b12, f * b20, f * b21, f * b22)
-            h = advance_gradient(law, particles, batch, stride, h, g, stage == GATHER_ONLY)
+            h = advance_gradient(law, particles, batch, stride, h, g)
             law_dt = dt
         c = (k * b00, k * b01, k * b02, k * b10, k * b11, k * b12, k * b20, k * b21, k * b22)
         tau = stress(law, particles, batch, stride, h, c, law_dt)

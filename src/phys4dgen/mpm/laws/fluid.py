@@ -18,8 +18,6 @@ percent; the true one (2.2 GPa in water) would only cost time steps. Fluid does 
 set back to 1, with p = 0. J - 1 is kept, with compensated rounding, because pressure is in its last digits. There is no
 surface tension. The shear modulus of the material is not used.
 
-Gaussians take the rotation of the fluid and its volume, not its shear, which grows without end.
-
 Sources: J. J. Monaghan, *Simulating free surface flows with SPH*, J. Comput. Phys. 110 (1994) 399-406 (equation of
 state, choice of c0); X. Li et al., *PAC-NeRF*, ICLR 2023 (in MPM).
 """
@@ -95,7 +93,7 @@ FLUID = register(
         response,
         energy_density_pa,
         state=("growth", "growth_rest"),
-        gradient=Gradient.ROTATION,
+        gradient=Gradient.TOTAL,
         stiffening=_stiffening,
     )
 )

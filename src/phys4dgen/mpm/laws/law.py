@@ -43,9 +43,7 @@ class Gradient(Enum):
     ELASTIC = "elastic"
     """F is elastic and gives the stress: it is summed with compensated rounding, in nine more state columns."""
     TOTAL = "total"
-    """F is elastic and plastic and moves Gaussians; the stress comes from the law's own state."""
-    ROTATION = "rotation"
-    """Only a rotation: what flows without end has no total F worth keeping."""
+    """F holds the flow too and is for the Gaussians alone; the stress comes from the law's own state."""
 
 
 Columns = tuple[NDArray[np.float64], ...]
