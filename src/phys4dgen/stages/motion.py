@@ -59,7 +59,7 @@ def move(
         f"{int((~held.particles).sum())} moving particles, about {simulator.estimate().substeps_per_frame} substeps "
         f"per frame, {scene.frame_count} frames."
     )
-    animator = _animator(asset, parts, continuum, held)
+    animator = _animator(asset, parts, continuum, held, assembly.body.flows)
     times_s = np.arange(scene.frame_count, dtype=np.float64) * scene.frame_time_s
 
     def frames() -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
@@ -98,10 +98,10 @@ def _tell_what_differs(
     facts.part_mass_g = _part_masses_g(parts, continuum, assembly)
 
 
-def _animator(asset: Asset, parts: Parts, continuum: Continuum, held: Held) -> Animator:
+def _animator(asset: Asset, parts: Parts, continuum: Continuum, held: Held, loose: NDArray[np.bool_]) -> Animator:
     held_parts = [parts.names.index(name) for name in held.parts]
     skinning = skin(asset.gaussians, parts.labels, continuum, frame=asset.frame, held_parts=held_parts)
-    return Animator(asset.gaussians, skinning, continuum.positions)
+    return Animator(asset.gaussians, skinning, continuum.positions, loose=loose)
 
 
 def _part_masses_g(parts: Parts, continuum: Continuum, assembly: Assembly) -> dict[str, float]:
