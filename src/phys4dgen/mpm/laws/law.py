@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 __all__ = ["INLINE", "LAWS", "Gradient", "Law", "LawId", "LawType", "law_named", "register", "respond"]
 
-INLINE: dict[str, Any] = {"forceinline": True, "fastmath": True, "error_model": "numpy"}
+INLINE: Any = {"forceinline": True, "fastmath": True, "error_model": "numpy"}
 """Options of overloads that are inlined into a kernel."""
 
 
