@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import shutil
 import tempfile
+import tokenize
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -105,6 +106,8 @@ def read_trajectory(path: Path | str) -> Trajectory:
         raise FormatError(f"{path}: there is no such file; run the simulate stage first.") from error
     except (zipfile.BadZipFile, ValueError, EOFError, RuntimeError, NotImplementedError, OSError) as error:
         raise FormatError(f"{path}: not a readable trajectory ({error}); run the simulate stage again.") from error
+    except (SyntaxError, tokenize.TokenError, MemoryError) as error:  # NumPy over a damaged header
+        raise FormatError(f"{path}: not a readable trajectory; run the simulate stage again.") from error
 
 
 def read_member(archive: zipfile.ZipFile, name: str, path: Path) -> NDArray[Any]:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import struct
+import tokenize
+import warnings
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,7 +17,15 @@ from numpy.typing import NDArray
 
 from phys4dgen.errors import FormatError
 
-__all__ = ["read_npy", "read_npz"]
+__all__ = ["HEADER_ERRORS", "read_npy", "read_npz"]
+
+HEADER_ERRORS = (ValueError, SyntaxError, tokenize.TokenError, RecursionError, MemoryError)
+"""What NumPy raises over a header that is not what it should be."""
+
+_ARCHIVE_ERRORS = (
+    *(zipfile.BadZipFile, zlib.error, struct.error, UnicodeDecodeError),
+    *(NotImplementedError, EOFError, RuntimeError),
+)
 
 
 def read_npy(path: Path, name: str, max_bytes: int) -> NDArray[Any]:
@@ -49,7 +61,7 @@ def read_npz(path: Path, required: str, max_bytes: Mapping[str, int]) -> dict[st
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             members = archive.namelist()
             if f"{required}.npy" not in members:
-                held = ", ".join(name.removesuffix(".npy") for name in members[:8]) or "nothing"
+                held = ", ".join(ascii(name.removesuffix(".npy"))[1:-1] for name in members[:8]) or "nothing"
                 raise FormatError(f"{path}: expected an array called {required}, got {held}; np.savez({required}=...).")
             arrays: dict[str, NDArray[Any]] = {}
             for name, limit in max_bytes.items():
@@ -59,7 +71,7 @@ def read_npz(path: Path, required: str, max_bytes: Mapping[str, int]) -> dict[st
             return arrays
     except OSError as error:
         raise FormatError(f"{path}: cannot read the labels: {error.strerror or error}.") from error
-    except (zipfile.BadZipFile, NotImplementedError, EOFError, RuntimeError) as error:
+    except _ARCHIVE_ERRORS as error:
         raise FormatError(f"{path}: expected a NumPy .npz archive, got a damaged one ({error}).") from error
 
 
@@ -67,10 +79,15 @@ def _read_array(path: Path, file: Any, name: str, max_bytes: int) -> NDArray[Any
     """One array of at most ``max_bytes``."""
     try:
         version = npy_format.read_magic(file)
-        header = npy_format.read_array_header_1_0 if version == (1, 0) else npy_format.read_array_header_2_0
-        shape, fortran_order, dtype = header(file)
-    except ValueError as error:
-        raise FormatError(f"{path}: {name} is not a NumPy array: {error}.") from error
+        if version != (1, 0):  # later ones announce headers of up to 4 GB
+            raise FormatError(f"{path}: expected {name} as .npy version 1.0, got {version}; save it with numpy.save.")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # files of Python 2 are read like others
+            shape, fortran_order, dtype = npy_format.read_array_header_1_0(file)
+    except HEADER_ERRORS as error:
+        raise FormatError(f"{path}: {name} is not a NumPy array; its header is damaged.") from error
+    if min(shape, default=0) < 0:
+        raise FormatError(f"{path}: {name} has a negative length in its shape {shape}; save it with numpy.save.")
     size = dtype.itemsize
     for length in shape:
         size *= int(length)
@@ -80,6 +97,8 @@ def _read_array(path: Path, file: Any, name: str, max_bytes: int) -> NDArray[Any
         raise FormatError(
             f"{path}: {name} has shape {shape} of {dtype}, {size:,} bytes; at most {max_bytes:,} fit this input."
         )
+    if size == 0:
+        raise FormatError(f"{path}: {name} is empty, of shape {shape} and type {dtype}; give one value per Gaussian.")
     content = file.read(size)
     if len(content) != size:
         raise FormatError(f"{path}: {name} is cut short; {size:,} bytes announced, {len(content):,} found.")

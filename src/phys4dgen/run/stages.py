@@ -225,6 +225,8 @@ def file_digest(path: Path) -> str:
     if path.is_dir():
         files = [file for file in sorted(path.iterdir()) if file.is_file()]
         return hashlib.sha256("".join(f"{file.name} {file_digest(file)}\n" for file in files).encode()).hexdigest()
+    if path.exists() and not path.is_file():
+        raise RunError(f"{path}: expected a file, got a device; name the file itself.")
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
