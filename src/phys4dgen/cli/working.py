@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,9 +28,8 @@ def work(arguments: Arguments, folder: Path, job: Callable[[Progress], Run | lis
         job: does it, and returns the run or the files that people look at first.
     """
     options = arguments.options
-    _show_log(options.verbose)
     try:
-        with console_progress(quiet=options.quiet) as progress:
+        with _shown_log(options.verbose), console_progress(quiet=options.quiet) as progress:
             made = job(progress)
     except KeyboardInterrupt:
         sys.stderr.write(f"phys4dgen: {_after_interrupt(folder)}\n")
@@ -53,10 +53,15 @@ def _after_interrupt(folder: Path) -> str:
     )
 
 
-def _show_log(verbose: int) -> None:
-    """Let the library's log reach stderr as far as asked for."""
-    if verbose:
-        handler = logging.StreamHandler()
-        handler.setLevel(logging.INFO if verbose == 1 else logging.DEBUG)
-        handler.setFormatter(logging.Formatter("%(name)s: %(message)s"))
-        logging.getLogger("phys4dgen").addHandler(handler)
+@contextmanager
+def _shown_log(verbose: int) -> Iterator[None]:
+    """Let the library's log reach stderr as far as asked for, as long as the command runs."""
+    handler = logging.StreamHandler() if verbose else logging.NullHandler()
+    handler.setLevel(logging.INFO if verbose == 1 else logging.DEBUG)
+    handler.setFormatter(logging.Formatter("%(name)s: %(message)s"))
+    logger = logging.getLogger("phys4dgen")
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
