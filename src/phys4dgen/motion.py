@@ -22,6 +22,7 @@ from phys4dgen.mpm import Acceleration, Body, Settings, Simulator
 from phys4dgen.types import Continuum, Frame, Parts
 
 __all__ = [
+    "LOWEST_SHARE",
     "Held",
     "ProbeResult",
     "choose_held",
@@ -40,7 +41,7 @@ _LOW_SHARE = 0.9
 _LEAST_FOOT = 0.5
 """Share of what lies on the ground that must belong to the parts that are held."""
 _RIM = 0.03
-_LOWEST_SHARE = 0.1
+LOWEST_SHARE = 0.1
 _PROBE_MS2 = 1.0
 _PROBE_FPS = 24.0
 _LONGEST_PROBE_S = 0.5  # what swings more slowly goes a little farther than it was aimed at
@@ -82,7 +83,15 @@ class ProbeResult:
     strain_per_ms2: NDArray[np.float64]
 
 
-def choose_held(continuum: Continuum, parts: Parts, *, frame: Frame, holds: Mapping[str, str], automatic: bool) -> Held:
+def choose_held(
+    continuum: Continuum,
+    parts: Parts,
+    *,
+    frame: Frame,
+    holds: Mapping[str, str],
+    automatic: bool,
+    lowest_share: float = LOWEST_SHARE,
+) -> Held:
     """Decide which particles are held.
 
     Args:
@@ -91,6 +100,7 @@ def choose_held(continuum: Continuum, parts: Parts, *, frame: Frame, holds: Mapp
         frame: input coordinates -> metres.
         holds: "fixed", "rigid" or "free" by part name, as the user wants it; other parts are decided here.
         automatic: hold what stands on the ground; otherwise only what the user names.
+        lowest_share: of the height, held where no part stands on the ground by itself.
 
     Raises:
         SceneError: a part that the user names does not exist.
@@ -113,9 +123,10 @@ def choose_held(continuum: Continuum, parts: Parts, *, frame: Frame, holds: Mapp
         return _held_parts(
             continuum, parts, standing, "stands on the ground below 60 % of the height, with what it encloses"
         )
-    lowest = z[:, 2] < low + _LOWEST_SHARE * (high - low)
+    lowest = z[:, 2] < low + lowest_share * (high - low)
     may = np.isin(continuum.part, [i for i, name in enumerate(parts.names) if name not in free])
-    return Held(lowest & may, (), "no part stands on the ground with another above it: the lowest 10 % is held")
+    share = f"the lowest {100 * lowest_share:.0f} % is held"
+    return Held(lowest & may, (), f"no part stands on the ground with another above it: {share}")
 
 
 def _held_parts(continuum: Continuum, parts: Parts, names: set[str], reason: str) -> Held:

@@ -4,7 +4,7 @@ Start reading at ``step.py`` (what happens in a substep) and ``simulator.py`` (f
 """
 
 from phys4dgen.mpm.body import Body
-from phys4dgen.mpm.changes import MaterialChange
+from phys4dgen.mpm.changes import MaterialChange, changed_body
 from phys4dgen.mpm.drives import Drive
 from phys4dgen.mpm.fields import Attractor, Noise, PerParticleForce, Vortex, Wind
 from phys4dgen.mpm.laws import LawId
@@ -40,5 +40,6 @@ __all__ = [
     "Vortex",
     "Wind",
     "affordable_modulus_pa",
+    "changed_body",
     "stiff_parts",
 ]

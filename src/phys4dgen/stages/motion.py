@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -12,10 +13,11 @@ from phys4dgen.animate import Animator, skin
 from phys4dgen.body import Assembly
 from phys4dgen.interior import Interior, welded_share
 from phys4dgen.motion import Held
-from phys4dgen.mpm import Simulator
+from phys4dgen.mpm import Simulator, changed_body
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Scene
 from phys4dgen.stages.asset import Asset
+from phys4dgen.stages.courant import tell_courant_numbers
 from phys4dgen.stages.interior import settled_thickness
 from phys4dgen.stages.motion_facts import MotionFacts
 from phys4dgen.stages.motion_plan import Plan, plan_motion
@@ -53,13 +55,16 @@ def move(
     plan = plan_motion(scene, asset, parts, continuum, book, progress)
     held, assembly, facts = plan.held, plan.assembly, plan.facts
     _tell_what_differs(scene, asset, parts, continuum, plan, progress)
+    if scene.paper_scale is not None:
+        tell_courant_numbers(asset, book, progress)
     simulator = Simulator(assembly.body, plan.settings)
     simulation = Simulation(simulator, facts)
     progress.note(
         f"{int((~held.particles).sum())} moving particles, about {simulator.estimate().substeps_per_frame} substeps "
         f"per frame, {scene.frame_count} frames."
     )
-    animator = _animator(asset, parts, continuum, held, assembly.body.flows)
+    at_last = changed_body(assembly.body, plan.settings.changes, math.inf)  # what melts on the way parts as well
+    animator = _animator(asset, parts, continuum, held, assembly.body.flows | at_last.flows)
     times_s = np.arange(scene.frame_count, dtype=np.float64) * scene.frame_time_s
 
     def frames() -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:

@@ -144,7 +144,14 @@ def _prepare(given: _Given, preset: str) -> _Prepared:
     around = circumstances(scene, asset, parts, given.book, preset)
     named = {name: "free" for name in told_parts(scene.forces)}
     named |= {name: hold for name, hold in options.items() if hold != "auto"}
-    held = choose_held(continuum, parts, frame=asset.frame, holds=named, automatic=around.holds_what_stands)
+    held = choose_held(
+        continuum,
+        parts,
+        frame=asset.frame,
+        holds=named,
+        automatic=around.holds_what_stands,
+        lowest_share=around.lowest_share,
+    )
     held = _with_pinned(held, parts, continuum, pinned(around.boundaries, continuum, parts))
     reasons = {parts.names.index(name): "as asked for" for name, hold in options.items() if hold == "rigid"}
     rest_m = asset.frame.to_metres(continuum.positions)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import SceneError
+from phys4dgen.motion import LOWEST_SHARE
 from phys4dgen.mpm import Drive
 from phys4dgen.scene import (
     ALL_PARTS,
@@ -38,6 +39,7 @@ _TWISTING_S, _TWISTED_S = 0.35, 0.12
 
 _PRESS_FRICTION = 0.6
 _TWISTED_TOP = 0.2
+_TWISTED_FOOT = 0.25
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,11 @@ class Circumstances:
     boundaries: tuple[Boundary, ...]
     changes: tuple[MaterialChange, ...]
     holds_what_stands: bool
+
+    @property
+    def lowest_share(self) -> float:
+        """How much of the height is held where no part stands on the ground by itself."""
+        return _TWISTED_FOOT if self.preset == "twist" else LOWEST_SHARE
 
     @property
     def ground(self) -> Ground | None:
