@@ -59,8 +59,10 @@ def paper() -> tuple[Gaussians, np.ndarray, Continuum]:
     valid = np.linalg.norm(grid.all_centers().reshape(*grid.shape, 3), axis=-1) < RADIUS
     labelled = label_cells(gaussians, labels, grid, valid, np.eye(3))
     frame = Frame(np.eye(3), 1.0)
-    return gaussians, labels, gaussians_as_particles(
-        gaussians, labels, seeded(), labelled=labelled, frame=frame, cell=CELL
+    return (
+        gaussians,
+        labels,
+        gaussians_as_particles(gaussians, labels, seeded(), labelled=labelled, frame=frame, cell=CELL),
     )
 
 

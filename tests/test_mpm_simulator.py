@@ -170,7 +170,7 @@ def test_sort_interval_follows_the_speed():
 
 def test_bodies_are_checked():
     x = lattice((2, 2, 2), DX)
-    with pytest.raises(ValueError, match="law: expected NEO_HOOKEAN = 0, FIXED_COROTATED = 1, .* FLUID = 8; got"):
+    with pytest.raises(ValueError, match=r"law: expected NEO_HOOKEAN = 0, FIXED_COROTATED = 1, .* FLUID = 8; got"):
         body(x, 1e-6, law=9)
     with pytest.raises(ValueError, match="poisson_ratio"):
         body(x, 1e-6, nu=0.5)

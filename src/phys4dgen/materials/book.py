@@ -14,6 +14,7 @@ from phys4dgen.types import Material, MaterialBook, PartMaterials, wrong_number
 
 __all__ = ["assemble_book", "library_warnings", "parse_choices"]
 
+
 def library_warnings(chosen: Material) -> tuple[str, ...]:
     """Where the numbers of a material lie outside the range that the library gives for its name."""
     entry = find_entry(chosen.name)

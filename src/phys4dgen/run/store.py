@@ -253,8 +253,8 @@ class RunStore:
         kept = spare_edited_groups(self.run)
         if kept is not None:
             self.progress.warn(
-                f"groups.npz was edited by hand (or made by an older version) and is made anew; the edited one is kept as "
-                f"{kept.name}. To have its parts, run with --grouping.labels-file {kept}."
+                f"groups.npz was edited by hand (or made by an older version) and is made anew; the edited one is kept "
+                f"as {kept.name}. To have its parts, run with --grouping.labels-file {kept}."
             )
 
     def _read_grouping(self, _record: StageRecord | None = None) -> Recalled:

@@ -16,8 +16,8 @@ class Motion(Section):
 
     preset: Literal["auto", "sway", "drop", "press", "twist", "melt", "rest"] = "auto"
     """sway: a gust on what is not held; drop: falls on a ground; press: a plate comes from above and goes back; twist:
-    the top is turned and let go; melt: a part becomes fluid; rest: nothing; auto: rest where forces or solid boundaries are given, else sway if a
-    gust of 3 g is enough for it and breaks nothing, else drop"""
+    the top is turned and let go; melt: a part becomes fluid; rest: nothing; auto: rest where forces or solid boundaries
+    are given, else sway if a gust of 3 g is enough for it and breaks nothing, else drop"""
     part: PartName | None = None
     """of melt: what melts; of twist: what is turned, null: the highest fifth"""
     wind: Auto | Direction = "auto"
