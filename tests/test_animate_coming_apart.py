@@ -56,3 +56,10 @@ def test_letting_go_is_gradual():
         shares.append(parting.weights(np.full((1, 8), 0.125, np.float32), moved)[0, 1])
     assert shares[0] == np.float32(0.125) and shares[-1] == 0
     assert np.abs(np.diff(shares)).max() < 0.006
+
+
+def test_a_gaussian_that_is_a_particle_keeps_it():
+    rest = np.arange(24.0).reshape(8, 3)
+    weights = np.eye(8, dtype=np.float32)[:1]
+    parting = ComingApart(skin_of([[0] * 8], weights), rest, np.ones(8, bool))
+    np.testing.assert_array_equal(parting.weights(weights, 3 * rest), weights)

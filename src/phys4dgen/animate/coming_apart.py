@@ -30,7 +30,8 @@ class ComingApart:
             rest_positions: of the particles, shape [P, 3].
             loose: particles that may part from their neighbours, shape [P].
         """
-        self._rows = np.flatnonzero(loose[skin.particles[:, 0]])
+        hangs_on_several = (skin.weights[:, 1:] > 0).any(1)  # a Gaussian that is a particle itself has nothing to drop
+        self._rows = np.flatnonzero(loose[skin.particles[:, 0]] & hangs_on_several)
         self._particles = skin.particles[self._rows]
         self._rest = self._distances(rest_positions)
         # neighbours nearer than half the usual distance may well double it without having parted
