@@ -98,7 +98,8 @@ def _fitted(
         inner_terms = terms - _group_means(terms, weight, group)
         inner_values = values - _group_means(values, weight, group)
         weighted = inner_terms * weight[:, None]
-        found = np.linalg.solve(weighted.T @ inner_terms + prior * np.eye(terms.shape[1]), weighted.T @ inner_values)
+        normal = weighted.T @ inner_terms + prior * np.eye(terms.shape[1])
+        found = np.asarray(np.linalg.solve(normal, weighted.T @ inner_values), np.float64)
         residual = np.linalg.norm(inner_values - inner_terms @ found, axis=1)
         weight = 1 / np.maximum(residual / _TEXTURE, 1)
     return found
