@@ -13,6 +13,11 @@ from phys4dgen.types import Gaussians
 SHARED_DATA = (Path(__file__).parents[1] / "../shared/data").resolve()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The how-tos first: with several workers the longest file must not begin last."""
+    items.sort(key=lambda item: item.path.name != "test_howtos.py")
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Folder of real captures and meshes made by others; the test is skipped where it is absent."""

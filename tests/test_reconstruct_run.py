@@ -61,9 +61,10 @@ def test_a_picture_becomes_a_run_that_resumes(scene, tmp_path):
     assert (canonical.width, canonical.height) == (64, 64)
     outline = Image.fromarray(source.picture[..., 3]).resize((64, 64), Image.Resampling.BOX)
     shown, inside = views.alpha[0] > 0.5, np.asarray(outline) > 0.5
-    assert (shown & inside).sum() / (shown | inside).sum() > 0.95
+    # at 64 pixels a rim of a quarter of a pixel is 5 % of the area; benchmarks/reconstruct.py has the bar at 512
+    assert (shown & inside).sum() / (shown | inside).sum() > 0.92
     others = np.array([camera.viewmat[2, :3] @ canonical.viewmat[2, :3] for camera in views.cameras[1:]])
-    assert others.max() < 0.9  # the view of the table that looks the same way is left out
+    assert others.max() < 0.95  # the next is 20 degrees away: the view of the table that looks the same way is left out
 
 
 def test_a_mask_and_a_network_at_once_are_refused():

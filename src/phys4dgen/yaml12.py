@@ -98,8 +98,10 @@ def parse_yaml(text: str, *, source: str) -> YamlDocument:
 
     if re.search(r"^%", text, re.MULTILINE):
         raise FormatError(f"{source}: YAML directives (lines that start with '%') are not used here; remove them.")
-    if re.search(rf"(?:[\[{{]\s*){{{MAX_DEPTH + 1}}}", text):  # which the scanner would take many seconds over
-        raise FormatError(f"{source}: nested deeper than {MAX_DEPTH} levels.")
+    deep = re.search(rf"(?:[\[{{]\s*){{{MAX_DEPTH + 1}}}", text)  # which the scanner would take many seconds over
+    if deep is not None:
+        line = text.count("\n", 0, deep.end()) + 1
+        raise FormatError(f"{source} line {line}: nested deeper than {MAX_DEPTH} levels.")
     try:
         return _Reader(YAML(typ="safe", pure=True).parse(text), source).document()
     except MarkedYAMLError as error:

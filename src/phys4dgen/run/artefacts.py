@@ -169,7 +169,7 @@ def read_interior(run: RunFolder) -> Interior:
         agreement=arrays["agreement"].item(),
         density_threshold=arrays["density_threshold"].item(),
         loose_particles=arrays["loose_particles"].item(),
-        backend=arrays["backend"].item(),
+        backend=arrays["backend"].item() if "backend" in arrays else "carving and density",  # of an older version
     )
 
 
