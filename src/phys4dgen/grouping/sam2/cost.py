@@ -23,7 +23,7 @@ _EXPECTED_OBJECTS = 6
 _EXPECTED_PROMPTS = 0.6
 """Of the grid's points fall on the foreground in all key views together."""
 _TINY_DIMS, _TINY_BLOCKS = (96, 192, 384, 768), (1, 2, 7, 2)
-_PROMPT_FLOPS, _STEP_FLOPS = 3.3e9, 120e9
+_PROMPT_FLOPS, _STEP_FLOPS = 7e9, 200e9
 """Of the mask decoder for one prompt and of one object in one view, which are the same for all sizes of SAM2."""
 
 
