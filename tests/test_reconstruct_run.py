@@ -7,6 +7,7 @@ from PIL import Image, ImageDraw
 from phys4dgen.errors import SceneError
 from phys4dgen.formats import load_gaussians
 from phys4dgen.progress import SILENT
+from phys4dgen.render.views import render_gaussians
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.generate import generate
 from phys4dgen.run.source_files import read_source
@@ -59,10 +60,11 @@ def test_a_picture_becomes_a_run_that_resumes(scene, tmp_path):
     assert len(views) == 29
     np.testing.assert_array_equal(canonical.viewmat, source.camera.viewmat)
     assert (canonical.width, canonical.height) == (64, 64)
-    outline = Image.fromarray(source.picture[..., 3]).resize((64, 64), Image.Resampling.BOX)
-    shown, inside = views.alpha[0] > 0.5, np.asarray(outline) > 0.5
-    # at 64 pixels a rim of a quarter of a pixel is 5 % of the area; benchmarks/reconstruct.py has the bar at 512
-    assert (shown & inside).sum() / (shown | inside).sum() > 0.92
+    # at 64 pixels the rim alone is several percent of this small pot, so its outline is compared at 128
+    outline = Image.fromarray(source.picture[..., 3]).resize((128, 128), Image.Resampling.BOX)
+    shown = render_gaussians(asset.gaussians, canonical.resized(128, 128)).alpha > 0.5
+    inside = np.asarray(outline) > 0.5
+    assert (shown & inside).sum() / (shown | inside).sum() > 0.95
     others = np.array([camera.viewmat[2, :3] @ canonical.viewmat[2, :3] for camera in views.cameras[1:]])
     assert others.max() < 0.95  # the next is 20 degrees away: the view of the table that looks the same way is left out
 
