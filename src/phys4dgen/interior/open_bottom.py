@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, KDTree, QhullError
+from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from phys4dgen.interior.normals import oriented_points
 from phys4dgen.types import Gaussians, Views
@@ -20,6 +20,7 @@ _LEAST_COVERED = 0.9
 _SAMPLES = 24
 _SOLID_OPACITY = 0.3
 _MASK_ALPHA = 0.5
+_ON_EDGE = 1e-9  # of the size of the hull: what lies so near its edge counts as inside
 
 
 def views_that_judge(
@@ -69,12 +70,12 @@ def _footprint(standing: NDArray[np.float64], height: float) -> NDArray[np.float
     if len(standing) < 4:
         return np.zeros((0, 3))
     try:
-        hull = Delaunay(standing[:, :2])
+        edges = ConvexHull(standing[:, :2]).equations
     except QhullError:  # all on one line
         return np.zeros((0, 3))
     steps = [np.linspace(standing[:, a].min(), standing[:, a].max(), _SAMPLES) for a in (0, 1)]
     plane = np.stack(np.meshgrid(*steps, indexing="ij"), -1).reshape(-1, 2)
-    plane = plane[hull.find_simplex(plane) >= 0]
+    plane = plane[(plane @ edges[:, :2].T + edges[:, 2] <= _ON_EDGE * np.ptp(standing[:, :2])).all(1)]
     return np.column_stack([plane, np.full(len(plane), height)])
 
 

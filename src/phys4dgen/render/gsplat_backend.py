@@ -8,7 +8,9 @@ harmonics are compared with ours on the CPU in the tests; its CUDA compositing h
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
+import sys
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -29,12 +31,23 @@ _UPPER = [0, 1, 2, 1, 3, 4, 2, 4, 5]
 
 @cache
 def gsplat_is_ready() -> bool:
-    """Whether torch with a CUDA device and gsplat are installed; costs nothing where they are not."""
+    """Whether torch with a CUDA device and gsplat are installed; costs next to nothing where they are not."""
     if importlib.util.find_spec("torch") is None or importlib.util.find_spec("gsplat") is None:
+        return False
+    if not _driver_is_installed():
         return False
     import torch  # pyright: ignore[reportMissingImports]
 
     return torch.cuda.is_available()
+
+
+def _driver_is_installed() -> bool:
+    """Whether the system has NVIDIA's driver: importing torch to learn that there is none takes seconds."""
+    try:
+        ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")
+    except OSError:
+        return False
+    return True
 
 
 class GsplatRasteriser:
