@@ -1,9 +1,10 @@
 """Run the scenes of examples/ and put stills of their films on one sheet.
 
-python scripts/showcase.py OUT [NAME ...] [--sheet SHEET.jpg]
+python scripts/showcase.py OUT [NAME ...] [--sheet SHEET.jpg] [--inputs FOLDER]
 
 Every scene gets a run folder OUT/NAME; finished ones are kept, so that the sheet can be made again at once. The command
-prints what each run took and ends with 1 when one of them failed.
+prints what each run took and ends with 1 when one of them failed. With a folder of inputs the scenes of examples/files/
+are run as well, of those splats and pictures of others that lie in it or one folder deeper.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 import imageio_ffmpeg
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from ruamel.yaml import YAML
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 STILLS = 4
@@ -30,9 +32,15 @@ def main() -> int:
     parser.add_argument("out", type=Path, help="folder that gets one run folder per scene")
     parser.add_argument("names", nargs="*", metavar="NAME", help="scenes (default: all)")
     parser.add_argument("--sheet", type=Path, help="picture to write (default: OUT/showcase.jpg)")
+    parser.add_argument("--inputs", type=Path, help="folder in which the inputs of examples/files/ are looked for")
     options = parser.parse_args()
-    names = options.names or sorted(path.stem for path in EXAMPLES.glob("*.yaml"))
-    failed = [name for name in names if not _run(name, options.out / name)]
+    scenes = {path.stem: path for path in sorted(EXAMPLES.glob("*.yaml"))}
+    if options.inputs is not None:
+        scenes |= {path.stem: path for path in sorted((EXAMPLES / "files").glob("*.yaml"))}
+    if unknown := set(options.names) - set(scenes):
+        parser.error(f"no scene {', '.join(sorted(unknown))}; there are {', '.join(scenes)}")
+    names = options.names or list(scenes)
+    failed = [name for name in names if not _run(scenes[name], options.out / name, options.inputs)]
     rows = [_row(options.out / name, name) for name in names if name not in failed]
     if rows:
         sheet = options.sheet or options.out / "showcase.jpg"
@@ -41,15 +49,30 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def _run(name: str, folder: Path) -> bool:
+def _run(scene: Path, folder: Path, inputs: Path | None) -> bool:
     if (folder / "report.json").is_file() and (folder / "video.mp4").is_file():
         return True
-    command = [sys.executable, "-m", "phys4dgen", "demo", "--scene", str(EXAMPLES / f"{name}.yaml"), "-o", str(folder)]
+    if scene.parent == EXAMPLES:
+        what = ["demo"]
+    elif (found := _input(scene, inputs)) is None:
+        print(f"{scene.stem}: skipped, its input is not in {inputs}")
+        return False
+    else:
+        what = ["generate", str(found)]
+    command = [sys.executable, "-m", "phys4dgen", *what, "--scene", str(scene), "-o", str(folder)]
     start = time.perf_counter()
     done = subprocess.run([*command, "--output.frames", "none", "-q"], check=False, capture_output=True, text=True)
     seconds = time.perf_counter() - start
-    print(f"{name}: {seconds:.0f} s" if done.returncode == 0 else f"{name}: failed: {done.stderr.strip()}", flush=True)
+    said = f"{seconds:.0f} s" if done.returncode == 0 else f"failed: {done.stderr.strip()}"
+    print(f"{scene.stem}: {said}", flush=True)
     return done.returncode == 0
+
+
+def _input(scene: Path, inputs: Path | None) -> Path | None:
+    """The file that a scene of examples/files/ names, where the user has it."""
+    name = str(YAML(typ="safe").load(scene)["input"])
+    places = [] if inputs is None else [inputs / name, *sorted(inputs.glob(f"*/{name}"))]
+    return next((place for place in places if place.is_file()), None)
 
 
 def _row(folder: Path, name: str) -> Image.Image:

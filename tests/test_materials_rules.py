@@ -94,6 +94,18 @@ def test_the_heart_of_a_flower_lies_among_petals():
     assert concluded(replace(heart, enclosed_by=()), *PLANT, PETALS) == "abs"  # a yellow knob
 
 
+def test_the_lid_of_a_sandwich_is_bread():
+    """Bread on the ground and around its layers, and a glossy crust above that colour set apart."""
+    heel = replace(POT, name="lower", lightness=45, chroma=38, hue_deg=67, top=0.5, width=0.7, encloses=(), carries=())
+    patty = replace(heel, name="layer", lightness=16, chroma=20, hue_deg=47, foot=0.16, top=0.33, width=0.9)
+    crown = replace(heel, name="upper", lightness=55, chroma=54, hue_deg=60, foot=0.45, top=0.82, width=0.77)
+    assert concluded(heel, patty, crown) == "bread"
+    assert concluded(patty, heel, crown) == "meat_grilled"
+    assert concluded(crown, heel, patty) == "bread"
+    assert concluded(crown, heel) == "abs"  # a toy
+    assert concluded(replace(crown, area_share=0.05), heel, patty) == "abs"  # a cocktail tomato
+
+
 def test_a_telling_name_decides():
     gaussians, parts = plant_parts(("terracotta", "soil", "Leaves"))
     book = identify_by_rules(gaussians, parts, Z_UP)

@@ -42,6 +42,23 @@ def _is_sandwich(part: PartFeatures, others: Neighbours) -> bool:
     return _is_bread(part) and any(_in_sandwich(other, {part.name: part}) for other in others.values())
 
 
+def _covers_sandwich(part: PartFeatures, others: Neighbours) -> bool:
+    """Of a crust's hue, as wide as a sandwich below it, and the highest of it."""
+    crust = 45 <= part.hue_deg <= 95 and part.chroma > 15 and part.lightness > 35
+    wide = part.area_share > 0.1 and not part.on_ground and not _in_sandwich(part, others)
+    return (
+        crust
+        and wide
+        and any(
+            _is_sandwich(heel, others)
+            and heel.name != part.name
+            and part.top > heel.top
+            and 0.5 < part.width / heel.width < 1.5
+            for heel in others.values()
+        )
+    )
+
+
 def _is_vessel(part: PartFeatures, others: Neighbours) -> bool:
     """Stands on the ground and holds something that fills it from wall to wall, but no plant."""
     holds = any(_fills(others[name], part) for name in part.encloses)
@@ -98,6 +115,15 @@ EVERYDAY_RULES: tuple[Rule, ...] = (
         example="the two halves of a bun",
         counter_example="a stack of wooden boards with mats between them",
         applies=_is_sandwich,
+    ),
+    Rule(
+        name="bread above",
+        says="a part of a crust's hue on top of a sandwich, as wide as that",
+        material="bread",
+        confidence=0.6,
+        example="the upper half of a bun that differs from the lower one in colour",
+        counter_example="a fried egg on a burger without its lid",
+        applies=_covers_sandwich,
     ),
     Rule(
         name="leaves in a sandwich",

@@ -8,7 +8,7 @@ from scipy.ndimage import binary_closing, binary_fill_holes, generate_binary_str
 
 from phys4dgen.types import Gaussians
 
-__all__ = ["FINE_GRID", "MOST_PARTICLES", "MOST_PARTICLES_OF_A_GUESS", "automatic_grid", "estimated_particles"]
+__all__ = ["COARSE_GRID", "FINE_GRID", "MOST_PARTICLES", "MOST_PARTICLES_OF_A_GUESS", "automatic_grid", "estimated_particles"]
 
 FINE_GRID = 64
 """Cells along the longest side at which plants were judged (MOTION.md)."""
@@ -16,10 +16,10 @@ FINE_GRID = 64
 MOST_PARTICLES = 120_000
 """A drop of two seconds then takes a few minutes on two cores."""
 
-MOST_PARTICLES_OF_A_GUESS = 40_000
+MOST_PARTICLES_OF_A_GUESS = 30_000
 """The same in a minute: enough where the shape behind the picture is guessed from its outline."""
 
-_COARSE_GRID = 24
+COARSE_GRID = 16
 _ESTIMATE_CELLS = 48
 _PARTICLES_PER_CELL = 8
 _MARGIN_CELLS = 3
@@ -37,7 +37,7 @@ def automatic_grid(gaussians: Gaussians, *, rotation: NDArray[np.float64], most_
     wanted = estimated_particles(gaussians, rotation=rotation, grid=FINE_GRID)
     if wanted <= most_particles:
         return FINE_GRID
-    return max(_COARSE_GRID, int(FINE_GRID * (most_particles / wanted) ** (1 / 3)))
+    return max(COARSE_GRID, int(FINE_GRID * (most_particles / wanted) ** (1 / 3)))
 
 
 def estimated_particles(gaussians: Gaussians, *, rotation: NDArray[np.float64], grid: int) -> float:
