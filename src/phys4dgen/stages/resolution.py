@@ -8,7 +8,14 @@ from scipy.ndimage import binary_closing, binary_fill_holes, generate_binary_str
 
 from phys4dgen.types import Gaussians
 
-__all__ = ["COARSE_GRID", "FINE_GRID", "MOST_PARTICLES", "MOST_PARTICLES_OF_A_GUESS", "automatic_grid", "estimated_particles"]
+__all__ = [
+    "COARSE_GRID",
+    "FINE_GRID",
+    "MOST_PARTICLES",
+    "MOST_PARTICLES_OF_A_GUESS",
+    "automatic_grid",
+    "estimated_particles",
+]
 
 FINE_GRID = 64
 """Cells along the longest side at which plants were judged (MOTION.md)."""
@@ -20,6 +27,8 @@ MOST_PARTICLES_OF_A_GUESS = 30_000
 """The same in a minute: enough where the shape behind the picture is guessed from its outline."""
 
 COARSE_GRID = 16
+"""Cells along the longest side that are never too many."""
+
 _ESTIMATE_CELLS = 48
 _PARTICLES_PER_CELL = 8
 _MARGIN_CELLS = 3
