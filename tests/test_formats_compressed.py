@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from phys4dgen.errors import FormatError
-from phys4dgen.formats import load_gaussians, read_splat_file
+from phys4dgen.formats import load_gaussians, read_splat_file, save_gaussians
+from phys4dgen.formats.compressed_ply_writer import chunk_bounds, morton_order
 
 C0 = 0.28209479177387814
 
@@ -100,6 +101,50 @@ def test_a_real_file_reads_as_an_independent_reader_reads_it(shared_data):
     np.testing.assert_allclose(np.log(found.scales), other.scales, atol=1e-4)
     assert np.abs((found.quats_wxyz * other.quats).sum(1)).min() > 1 - 1e-5
     np.testing.assert_allclose(found.sh[:, 0], other.sh0, atol=1e-4)
+
+
+def assert_near(found, gaussians):
+    """Rows of both lie in the same order; each value within half a step of its chunk."""
+    for start in range(0, len(gaussians), 256):
+        rows = slice(start, start + 256)
+        step = np.ptp(gaussians.means[rows], axis=0) / [2047, 1023, 2047]
+        assert (np.abs(found.means[rows] - gaussians.means[rows]) <= 0.51 * step + 1e-6).all()
+        step = np.ptp(np.log(gaussians.scales[rows]), axis=0) / [2047, 1023, 2047]
+        assert (np.abs(np.log(found.scales[rows] / gaussians.scales[rows])) <= 0.51 * step + 1e-5).all()
+        step = np.ptp(gaussians.sh[rows, 0], axis=0) / 255
+        assert (np.abs(found.sh[rows, 0] - gaussians.sh[rows, 0]) <= 0.51 * step + 1e-5).all()
+    assert np.abs((found.quats_wxyz * gaussians.quats_wxyz).sum(1)).min() > 1 - 1e-5
+    np.testing.assert_allclose(found.opacities, gaussians.opacities, atol=0.51 / 255)
+    np.testing.assert_allclose(found.sh[:, 1:], np.clip(gaussians.sh[:, 1:], -4, 4), atol=0.51 * 8 / 255)
+
+
+@pytest.mark.parametrize(("degree", "n"), [(0, 700), (1, 256), (3, 257), (0, 1)])
+def test_what_is_written_reads_back_here_and_elsewhere(tmp_path, random_gaussians, degree, n):
+    gsply = pytest.importorskip("gsply", reason="the independent reader gsply is not installed")
+    gaussians = random_gaussians(n, sh_degree=degree)
+    path = tmp_path / "a.compressed.ply"
+    save_gaussians(gaussians, path)
+    assert path.stat().st_size < 18 * n + 45 * n * (degree > 0) + 3000
+    order = morton_order(gaussians.means)
+    assert sorted(order) == list(range(n))
+    gaussians = gaussians.subset(order)
+    found, other = load_gaussians(path), gsply.plyread(str(path))
+    assert_near(found, gaussians)
+    np.testing.assert_allclose(found.means, other.means, atol=1e-5)
+    np.testing.assert_allclose(np.log(found.scales), other.scales, atol=1e-4)
+    assert np.abs((found.quats_wxyz * other.quats).sum(1)).min() > 1 - 1e-5
+    np.testing.assert_allclose(found.sh[:, 0], other.sh0, atol=1e-4)
+    np.testing.assert_allclose(1 / found.opacities - 1, np.exp(-other.opacities), rtol=1e-3)
+    if degree:
+        np.testing.assert_allclose(found.sh[:, 1:], other.shN.reshape(n, -1, 3), atol=0.51 * 8 / 255)
+
+
+def test_neighbours_share_a_chunk(random_gaussians):
+    """In Morton order the boxes of 256 rows are far smaller than in a random order."""
+    means = random_gaussians(20_000).means
+    sorted_boxes, boxes = (chunk_bounds(m) for m in (means[morton_order(means)], means))
+    sizes = [np.prod(b[:, 3:] - b[:, :3], axis=1).mean() for b in (sorted_boxes, boxes)]
+    assert sizes[0] < 0.2 * sizes[1]
 
 
 def damaged(gaussians):

@@ -17,7 +17,12 @@ SCENE_KEYS = False
 def add_flags(parser: argparse.ArgumentParser) -> None:
     """From where to where."""
     parser.add_argument("source", metavar="IN", type=Path, help="a .ply (also PlayCanvas compressed) or .splat file")
-    parser.add_argument("target", metavar="OUT", type=Path, help="a .ply or .splat file; the suffix says which")
+    parser.add_argument(
+        "target",
+        metavar="OUT",
+        type=Path,
+        help="a .ply, .compressed.ply or .splat file; the end of the name says which",
+    )
     parser.add_argument("--overwrite", action="store_true", help="replace OUT")
 
 
@@ -27,7 +32,7 @@ def run(arguments: Arguments) -> int:
     source, target = options.source, options.target
     if target.exists() and not options.overwrite:
         raise FormatError(f"{target}: the file exists already; add --overwrite to replace it, or choose another name.")
-    from phys4dgen.formats import check_writable_suffix, read_splat_file, save_gaussians
+    from phys4dgen.formats import check_writable_suffix, is_compressed_name, read_splat_file, save_gaussians
 
     check_writable_suffix(target)  # before minutes are spent on reading
     splat = read_splat_file(source)
@@ -36,6 +41,8 @@ def run(arguments: Arguments) -> int:
         lost = [f"extra column '{name}' is left out" for name in splat.extra]
         if target.suffix.lower() == ".splat" and splat.gaussians.sh_degree:
             lost.append(f"SH degree {splat.gaussians.sh_degree} becomes 0")
+        if is_compressed_name(target):
+            lost.append("values are rounded within each 256 Gaussians, which come in another order")
         for note in (*splat.notes, *(f"{text}." for text in lost)):
             sys.stderr.write(f"  {note}\n")
         sys.stdout.write(f"{target}\n")

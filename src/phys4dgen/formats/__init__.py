@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from phys4dgen.errors import FormatError, did_you_mean
 from phys4dgen.formats.atomic import atomic_path
+from phys4dgen.formats.compressed_ply_writer import write_compressed_ply
 from phys4dgen.formats.ply import PlyFrameWriter, read_ply, write_ply
 from phys4dgen.formats.splat import read_splat, write_splat
 from phys4dgen.formats.splat_file import SplatFile, existing_file
@@ -19,11 +20,13 @@ __all__ = [
     "SplatFile",
     "atomic_path",
     "check_writable_suffix",
+    "is_compressed_name",
     "load_gaussians",
     "read_ply",
     "read_splat",
     "read_splat_file",
     "save_gaussians",
+    "write_compressed_ply",
     "write_ply",
     "write_splat",
 ]
@@ -69,19 +72,27 @@ def read_splat_file(path: Path | str) -> SplatFile:
 
 
 def save_gaussians(gaussians: Gaussians, path: Path | str) -> None:
-    """Write Gaussians as ``.ply`` (INRIA layout, lossless to float32) or ``.splat`` (8 bit, no SH), atomically.
+    """Write Gaussians atomically, in the format that the name of the file ends with.
+
+    ``.ply`` is the INRIA layout, lossless to float32; ``.compressed.ply`` PlayCanvas's, which loses little and puts the
+    Gaussians in another order; ``.splat`` has 8 bits per value and no spherical harmonics.
 
     Raises:
         FormatError: a suffix that this version does not write, or a place that cannot be written.
     """
     path = Path(path)
-    write = codec(path, WRITERS, "write")
+    write = write_compressed_ply if is_compressed_name(path) else codec(path, WRITERS, "write")
     if write is write_splat and gaussians.sh_degree:
         _log.warning("%s: .splat holds no spherical harmonics; degree %d becomes 0.", path, gaussians.sh_degree)
     try:
         write(gaussians, path)
     except OSError as error:
         raise FormatError(f"{path}: the file cannot be written ({error}); check folder, rights and disk.") from error
+
+
+def is_compressed_name(path: Path) -> bool:
+    """Whether a file of this name is to be PlayCanvas's compressed PLY, which viewers tell by both suffixes."""
+    return path.name.lower().endswith(".compressed.ply")
 
 
 def check_writable_suffix(path: Path | str) -> None:

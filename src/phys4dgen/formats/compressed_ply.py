@@ -1,4 +1,4 @@
-"""PlayCanvas compressed PLY (SuperSplat's ``.compressed.ply``): 16 bytes per Gaussian in chunks of 256, read only.
+"""PlayCanvas compressed PLY (SuperSplat's ``.compressed.ply``): 16 bytes per Gaussian in chunks of 256.
 
 Element ``chunk`` holds the float bounds of 256 Gaussians: position, natural logarithm of scale and, in newer files,
 colour. Element ``vertex`` holds four words per Gaussian, each field a share of the way between its bounds:
@@ -34,6 +34,9 @@ __all__ = ["is_compressed", "read_compressed_ply"]
 CHUNK_ROWS = 256
 LARGEST_LOG_SCALE = 41.0  # as in ply.py: squares of larger scales leave float32
 SH_RANGE = 4.0
+
+OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
+"""The components that are kept of a quaternion, by the number of the one that is left out."""
 
 PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 
@@ -79,7 +82,8 @@ def read_compressed_ply(stream: BinaryIO, header: PlyHeader, path: Path) -> Spla
     if set(COLOR_BOUNDS) <= set(bounds.dtype.names or ()):
         rgb = between(*bounds_of(bounds, COLOR_BOUNDS, n), rgb)
     coefficients = np.zeros((n, 1 + rest // 3, 3), np.float32)
-    coefficients[:, 0] = (rgb - np.float32(0.5)) / np.float32(SH_C0)
+    with np.errstate(over="ignore"):  # bounds beyond the largest value are refused below
+        coefficients[:, 0] = (rgb - np.float32(0.5)) / np.float32(SH_C0)
     if rest:
         levels = np.fromfile(stream, np.uint8, n * rest).reshape(n, 3, rest // 3)
         coefficients[:, 1:] = levels.transpose(0, 2, 1) * np.float32(2 * SH_RANGE / 255) - np.float32(SH_RANGE)
@@ -169,10 +173,9 @@ def unpacked_quats(words: NDArray[Any]) -> NDArray[np.float32]:
     three = (unpacked(words, (2, 10, 10, 10))[:, 1:] - np.float32(0.5)) * np.float32(math.sqrt(2))
     largest = np.sqrt(np.maximum(1 - (three * three).sum(axis=1), 0))
     which = (words.astype(np.uint32) >> np.uint32(30)).astype(np.intp)
-    others = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])[which]
     quats = np.zeros((len(words), 4), np.float32)
     np.put_along_axis(quats, which[:, None], largest[:, None], axis=1)
-    np.put_along_axis(quats, others, three, axis=1)
+    np.put_along_axis(quats, OTHERS[which], three, axis=1)
     return quats
 
 
