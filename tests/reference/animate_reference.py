@@ -26,12 +26,19 @@ def polar_rotation(deformation):
 
 
 def limited(deformation, lower=0.5, upper=2.0):
-    """F with singular values (the smallest negative where det F < 0) limited to [lower, upper]."""
+    """F with singular values (the smallest negative where det F < 0) that are at least ``lower``.
+
+    The largest is at most ``upper`` times the second one, which counts as 1 at least and ``upper`` at most there.
+    """
     u, s, vt = np.linalg.svd(np.asarray(deformation, np.float64))
     sign = np.sign(np.linalg.det(u @ vt))
     u[..., :, 2] *= sign[..., None]
     s[..., 2] *= sign
-    return (u * np.clip(s, lower, upper)[..., None, :]) @ vt
+    shown = []
+    for first, second, third in s.reshape(-1, 3):
+        most = upper * min(max(second, 1), upper)
+        shown.append([min(max(value, lower), most) for value in (first, second, third)])
+    return (u * np.array(shown).reshape(s.shape)[..., None, :]) @ vt
 
 
 def deformed_covariance(deformation, covariance):

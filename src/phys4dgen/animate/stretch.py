@@ -1,8 +1,9 @@
 """Rotation and limited stretch of the deformation gradient F = R S.
 
 A torn or inverted neighbourhood would draw needles across the picture, so the singular values of F are limited for
-rendering and for files. Good motion stays well inside the limits (MOTION.md, Technique 9): the kernel only tests for
-them, and the few Gaussians beyond are decomposed exactly here, in float64.
+rendering and for files. What spreads in two directions, as water on a floor does, is no needle: it may grow in both by
+the square of the limit, or its film would have holes. Good motion of solids stays well inside the limits (MOTION.md,
+Technique 9): the kernel only tests for them, and the few Gaussians beyond are decomposed exactly here, in float64.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from phys4dgen.types.checks import frozen
 __all__ = ["STRETCH_LIMITS", "checked_limits", "polar_and_limited"]
 
 STRETCH_LIMITS = (0.5, 2.0)
-"""Least and greatest singular value of F that is shown."""
+"""Least singular value of F that is shown, and how many times the second one (at least 1) the greatest may be."""
 
 _EXTREME_LIMITS = (0.1, 10.0)  # to which the polar iteration converges
 
@@ -42,7 +43,9 @@ def polar_and_limited(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Proper rotations nearest to F, and F with singular values within the limits.
 
-    Where det F < 0 the least singular value counts as negative, so the limited F is never turned inside out.
+    Where det F < 0 the least singular value counts as negative, so the limited F is never turned inside out. The
+    greatest singular value is limited to ``greatest`` times the second one, which is taken as no less than 1 and no
+    more than ``greatest`` for that.
 
     Args:
         deformation: F, shape [count, 3, 3].
@@ -70,7 +73,16 @@ def polar_and_limited(
         left[:, :, 2] *= orientation[:, None]
         values[:, 2] *= orientation
         limited = matrices.copy()
-        limited[rows] = ((left * np.clip(values, *limits)[:, None, :]) @ right).reshape(-1, 9)
+        limited[rows] = ((left * _limited(values, *limits)[:, None, :]) @ right).reshape(-1, 9)
         matrices = frozen(limited)
         rotations[rows] = (left @ right).reshape(-1, 9)
     return rotations, matrices
+
+
+def _limited(values: NDArray[np.float64], least: np.float32, greatest: np.float32) -> NDArray[np.float64]:
+    """Singular values in descending order, [n, 3], within the limits."""
+    across = np.clip(values[:, 1], 1, greatest)
+    limited = np.maximum(values, least)
+    limited[:, 0] = np.minimum(limited[:, 0], greatest * across)
+    limited[:, 1:] = np.minimum(limited[:, 1:], limited[:, :1])
+    return limited
