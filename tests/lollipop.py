@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from phys4dgen.formats import save_gaussians
+from phys4dgen.scene import Scene
 from phys4dgen.types import Gaussians
 
 
@@ -21,3 +23,26 @@ def lollipop():
         sh=((colors - 0.5) / 0.28209479)[:, None],
     )
     return gaussians, np.repeat([0, 1, 2], 500).astype(np.int32)
+
+
+def lollipop_scene(folder, **settings):
+    """A coarse scene of it with its files in ``folder``; ``settings`` by key, with __ in the place of dots."""
+    gaussians, labels = lollipop()
+    save_gaussians(gaussians, folder / "lollipop.ply")
+    np.savez(folder / "labels.npz", labels=labels, names=np.array(["block", "stick", "ball"]))
+    return Scene(input=folder / "lollipop.ply").with_overrides(
+        {
+            "up": "z",
+            "height_m": 0.2,
+            "grouping.labels_file": folder / "labels.npz",
+            "parts.block.hold": "fixed",
+            "simulation.grid": 16,
+            "simulation.duration_s": 0.25,
+            "simulation.max_substeps": 60,
+            "simulation.chunks": 1,
+            "simulation.threads": 1,
+            "views.size_px": 64,
+            "output.video.width": 96,
+            **{key.replace("__", "."): value for key, value in settings.items()},
+        }
+    )

@@ -3,6 +3,7 @@
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,55 +13,57 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
-from lollipop import lollipop
-from phys4dgen.formats import save_gaussians
+from lollipop import lollipop_scene
 from phys4dgen.run.generate import continue_run, generate, scene_of_run
 from phys4dgen.run.partial_motion import PartialMotion
 from phys4dgen.run.state import finished_stages
-from phys4dgen.scene import Scene
 
-FRAMES = 16
+FRAMES = 10
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    gaussians, labels = lollipop()
-    folder = tmp_path_factory.mktemp("input")
-    save_gaussians(gaussians, folder / "lollipop.ply")
-    np.savez(folder / "labels.npz", labels=labels, names=np.array(["block", "stick", "ball"]))
-    return Scene(input=folder / "lollipop.ply").with_overrides(
-        {
-            "up": "z",
-            "height_m": 0.2,
-            "grouping.labels_file": folder / "labels.npz",
-            "parts.block.hold": "fixed",
-            "motion.preset": "sway",
-            "motion.acceleration_ms2": 2.0,
-            "simulation.grid": 16,
-            "simulation.duration_s": FRAMES / 24,
-            "simulation.max_substeps": 60,
-            "simulation.chunks": 1,
-            "simulation.threads": 1,
-            "views.size_px": 64,
-            "output.video.width": 96,
-        }
+def prepared(tmp_path_factory):
+    """A run up to the simulation."""
+    seconds = {"simulation__duration_s": FRAMES / 24}
+    scene = lollipop_scene(
+        tmp_path_factory.mktemp("input"), motion__preset="sway", motion__acceleration_ms2=2.0, **seconds
     )
+    return generate(scene, tmp_path_factory.mktemp("prepared") / "run", until="materials")
 
 
 @pytest.fixture(scope="module")
-def undisturbed(scene, tmp_path_factory):
-    return generate(scene, tmp_path_factory.mktemp("undisturbed") / "run")
+def undisturbed(prepared, tmp_path_factory):
+    out = shutil.copytree(prepared.root, tmp_path_factory.mktemp("undisturbed") / "run")
+    return generate(scene_of_run(out), out)
+
+
+@pytest.fixture
+def out(prepared, tmp_path):
+    """A copy of the prepared run."""
+    return shutil.copytree(prepared.root, tmp_path / "run")
+
+
+@pytest.fixture(scope="module")
+def half_simulated(prepared, tmp_path_factory):
+    """A copy that was killed in the middle of the simulation; several tests go on from it, each with its own copy."""
+    out = shutil.copytree(prepared.root, tmp_path_factory.mktemp("killed") / "run")
+    stop_when_there(out, "trajectory.partial/frame_0003.npz", signal.SIGKILL)
+    assert "simulate" not in finished_stages(out)
+    return out
+
+
+@pytest.fixture
+def killed(half_simulated, tmp_path):
+    return shutil.copytree(half_simulated, tmp_path / "run")
 
 
 def command(run, *words):
     return [sys.executable, "-m", "phys4dgen", *words, str(run)]
 
 
-def stop_when_there(undisturbed, out, name, how):
-    """Start the run of ``undisturbed`` in ``out`` and stop it once the file ``name`` is there; returns what it said."""
-    scene_yaml = out.with_suffix(".yaml")
-    scene_yaml.write_text((undisturbed.root / "scene.yaml").read_text("utf-8"), "utf-8")
-    words = command(out, "generate", "--scene", str(scene_yaml), "-o")
+def stop_when_there(out, name, how):
+    """Go on with the run in ``out`` and stop it once the file ``name`` is there; returns what it said."""
+    words = command(out, "generate", "--scene", str(out / "scene.yaml"), "-o")
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         while process.poll() is None and not (out / name).exists():
             time.sleep(0.002)
@@ -88,18 +91,14 @@ def goes_on(run):
     return [note for note in run.report["notes"] if note.startswith("simulate: goes on")]
 
 
-def test_killed_in_the_middle_of_the_simulation(undisturbed, tmp_path):
-    out = tmp_path / "run"
-    stop_when_there(undisturbed, out, "trajectory.partial/frame_0003.npz", signal.SIGKILL)
-    assert "simulate" not in finished_stages(out)
-    run = generate(scene_of_run(out), out)
+def test_killed_in_the_middle_of_the_simulation(undisturbed, killed):
+    run = generate(scene_of_run(killed), killed)
     assert goes_on(run)
-    assert_same_run(undisturbed, out)
+    assert_same_run(undisturbed, killed)
 
 
-def test_interrupted_and_continued_by_simulate(undisturbed, tmp_path):
-    out = tmp_path / "run"
-    said = stop_when_there(undisturbed, out, "trajectory.partial/frame_0003.npz", signal.SIGINT)
+def test_interrupted_and_continued_by_simulate(undisturbed, out):
+    said = stop_when_there(out, "trajectory.partial/frame_0003.npz", signal.SIGINT)
     assert "simulate" in said.splitlines()[-1]
     finished = subprocess.run(command(out, "simulate"), capture_output=True, text=True, check=False)
     assert finished.returncode == 0, finished.stderr
@@ -107,9 +106,8 @@ def test_interrupted_and_continued_by_simulate(undisturbed, tmp_path):
     assert_same_run(undisturbed, out)
 
 
-def test_killed_in_the_middle_of_the_film(undisturbed, tmp_path):
-    out = tmp_path / "run"
-    stop_when_there(undisturbed, out, "frames/frame_0004.ply", signal.SIGKILL)
+def test_killed_in_the_middle_of_the_film(undisturbed, out):
+    stop_when_there(out, "frames/frame_0004.ply", signal.SIGKILL)
     assert finished_stages(out)[-1] == "simulate"
     assert not (out / "video.mp4").exists()
     run = generate(scene_of_run(out), out)
@@ -117,22 +115,18 @@ def test_killed_in_the_middle_of_the_film(undisturbed, tmp_path):
     assert_same_run(undisturbed, out)
 
 
-def test_frames_of_other_settings_are_not_taken(undisturbed, tmp_path):
-    out = tmp_path / "run"
-    stop_when_there(undisturbed, out, "trajectory.partial/frame_0002.npz", signal.SIGKILL)
-    scene = scene_of_run(out).with_overrides({"motion.acceleration_ms2": 3.0})
-    run = continue_run(out, scene, since="simulate", until="simulate")
+def test_frames_of_other_settings_are_not_taken(killed):
+    scene = scene_of_run(killed).with_overrides({"motion.acceleration_ms2": 3.0})
+    run = continue_run(killed, scene, since="simulate", until="simulate")
     assert not goes_on(run)
-    assert not (out / "trajectory.partial").exists()
+    assert not (killed / "trajectory.partial").exists()
 
 
-def test_a_damaged_checkpoint_costs_time_only(undisturbed, tmp_path):
-    out = tmp_path / "run"
-    stop_when_there(undisturbed, out, "trajectory.partial/frame_0004.npz", signal.SIGKILL)
-    (out / "trajectory.partial" / "frame_0001.npz").write_bytes(b"PK nothing")
-    run = generate(scene_of_run(out), out)
+def test_a_damaged_checkpoint_costs_time_only(undisturbed, killed):
+    (killed / "trajectory.partial" / "frame_0001.npz").write_bytes(b"PK nothing")
+    run = generate(scene_of_run(killed), killed)
     assert any("simulated anew" in warning for warning in run.report["warnings"])
-    assert_same_run(undisturbed, out)
+    assert_same_run(undisturbed, killed)
 
 
 def test_a_recalled_motion_leaves_nothing_partial(tmp_path):
@@ -141,21 +135,20 @@ def test_a_recalled_motion_leaves_nothing_partial(tmp_path):
     assert not (tmp_path / "none").exists()
 
 
-def test_a_full_disk_is_one_sentence_and_no_half_file(undisturbed, tmp_path):
-    """Files may not grow beyond what the arrays before the simulation need: writing the trajectory fails."""
-    out = tmp_path / "run"
-    scene_yaml = tmp_path / "scene.yaml"
-    scene_yaml.write_text((undisturbed.root / "scene.yaml").read_text("utf-8"), "utf-8")
-    limit = (undisturbed.root / "trajectory.npz").stat().st_size // 8
+def test_a_full_disk_is_one_sentence_and_no_half_file(undisturbed, out):
+    """Files may not grow beyond what those before the simulation need: writing the trajectory fails."""
+    limit = max(path.stat().st_size for path in out.rglob("*") if path.is_file()) + 10_000
+    assert limit < (undisturbed.root / "trajectory.npz").stat().st_size
 
     def small_files():
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
-    words = command(out, "generate", "--scene", str(scene_yaml), "-o")
+    words = command(out, "generate", "--scene", str(out / "scene.yaml"), "-o")
     ended = subprocess.run(words, capture_output=True, text=True, check=False, preexec_fn=small_files)
     assert ended.returncode == 1
     assert "Traceback" not in ended.stderr
     assert ended.stderr.splitlines()[-1].startswith("phys4dgen: ")
+    assert finished_stages(out)[-1] == "materials"
     assert not (out / "trajectory.npz").exists()
     assert not list(out.rglob("*.partial-*"))
     generate(scene_of_run(out), out)
@@ -163,7 +156,7 @@ def test_a_full_disk_is_one_sentence_and_no_half_file(undisturbed, tmp_path):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="mounts a small file system")
-def test_a_full_file_system(undisturbed, tmp_path):
+def test_a_full_file_system(prepared, tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=3500k", "tmpfs", str(disk)]
@@ -171,11 +164,9 @@ def test_a_full_file_system(undisturbed, tmp_path):
     if mounted.returncode != 0:
         pytest.skip("a small file system cannot be mounted here")
     try:
-        out = disk / "run"
-        scene_yaml = tmp_path / "scene.yaml"
-        scene_yaml.write_text((undisturbed.root / "scene.yaml").read_text("utf-8"), "utf-8")
+        out = shutil.copytree(prepared.root, disk / "run")
         filler = disk / "filler"
-        words = command(out, "generate", "--scene", str(scene_yaml), "-o")
+        words = command(out, "generate", "--scene", str(out / "scene.yaml"), "-o")
         with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
             while process.poll() is None and not (out / "trajectory.partial/frame_0001.npz").exists():
                 time.sleep(0.002)

@@ -3,53 +3,28 @@
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from lollipop import lollipop
+from lollipop import lollipop_scene
 from phys4dgen.errors import RunError
 from phys4dgen.export.trajectory import read_trajectory
-from phys4dgen.formats import save_gaussians
 from phys4dgen.materials import read_materials
 from phys4dgen.run.generate import continue_run, generate, scene_of_run
 from phys4dgen.run.inspection import inspect_path
+from phys4dgen.run.material_edits import edited_materials
 from phys4dgen.run.state import finished_stages
-from phys4dgen.scene import Scene, dump_scene
+from phys4dgen.scene import dump_scene
 
 NAMES = ("reconstruct", "views", "grouping", "interior", "materials", "simulate", "render")
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    gaussians, labels = lollipop()
-    folder = tmp_path_factory.mktemp("input")
-    save_gaussians(gaussians, folder / "lollipop.ply")
-    np.savez(folder / "labels.npz", labels=labels, names=np.array(["block", "stick", "ball"]))
-    return Scene(input=folder / "lollipop.ply").with_overrides(
-        {
-            "up": "z",
-            "height_m": 0.2,
-            "grouping.labels_file": folder / "labels.npz",
-            "parts.block.hold": "fixed",
-            "simulation.grid": 16,
-            "simulation.duration_s": 0.25,
-            "simulation.max_substeps": 60,
-            "simulation.chunks": 1,
-            "simulation.threads": 1,
-            "views.size_px": 64,
-            "output.video.width": 96,
-        }
-    )
-
-
-@pytest.fixture(scope="module")
-def undisturbed(scene, tmp_path_factory):
+def undisturbed(tmp_path_factory):
+    scene = lollipop_scene(tmp_path_factory.mktemp("input"))
     return generate(scene, tmp_path_factory.mktemp("undisturbed") / "run")
 
 
@@ -142,6 +117,33 @@ def test_an_edited_material_survives_a_new_identification(run):
     assert read_materials(run.root / "materials.yaml")["ball"].surface.name == "steel"
 
 
+@pytest.mark.parametrize("dies_before", ["materials.yaml", ".identified.yaml"])
+def test_a_new_identification_that_dies_halfway_makes_no_edits(run, monkeypatch, dies_before):
+    """Between the replacement of one file and of the other, what is new in one is not a person's word."""
+    edit_material(run, "ball", "youngs_modulus_pa", 54321.0)
+    replace_file = Path.replace
+
+    def dying(path, target):
+        if Path(target).name == dies_before:
+            raise KeyboardInterrupt
+        return replace_file(path, target)
+
+    steel = scene_of_run(run.root).with_overrides({"parts.stick.material": "steel"})
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", dying)
+        with pytest.raises(KeyboardInterrupt):
+            continue_run(run.root, steel, since="materials", until="materials")
+    rubber = steel.with_overrides({"parts.stick.material": "rubber"})
+    continue_run(run.root, rubber, since="materials", until="materials")
+    book = read_materials(run.root / "materials.yaml")
+    assert (book["ball"].surface.youngs_modulus_pa, book["ball"].surface.source) == (54321, "user")
+    assert book["stick"].surface.name == "natural_rubber"
+    block = edited_materials(run.root / "materials.yaml", run.root / ".identified.yaml")
+    assert list(block) == [("ball", "surface"), ("ball", "interior")][: len(block)]
+    assert book["block"].surface.source != "user"
+    assert not (run.root / ".identified.coming.yaml").exists()
+
+
 def test_a_stage_that_ends_with_the_same_result_redoes_nothing_after_it(run):
     scene = scene_of_run(run.root).with_overrides({"views.size_px": 65})
     again = continue_run(run.root, scene, since="simulate")
@@ -169,27 +171,6 @@ def test_labels_that_a_person_put_into_the_run_are_taken(run):
     again = continue_run(run.root, since="simulate", until="interior")
     assert reused(again) == ["reconstruct", "views", "grouping"]
     assert "the parts changed" in notes_on(again, "interior")[0]
-
-
-@pytest.mark.parametrize("killed_in", ["interior", "simulate", "render"])
-def test_a_killed_run_continues_to_the_same_arrays(undisturbed, tmp_path, killed_in):
-    out = tmp_path / "killed"
-    (tmp_path / "scene.yaml").write_text((undisturbed.root / "scene.yaml").read_text("utf-8"), "utf-8")
-    command = [sys.executable, "-m", "phys4dgen", "generate", "--scene", str(tmp_path / "scene.yaml"), "-o", str(out)]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        for line in process.stderr:
-            if line.startswith(f"{killed_in} ..."):
-                time.sleep(0.05)
-                process.send_signal(signal.SIGKILL)
-    assert killed_in not in finished_stages(out)
-    finished = generate(scene_of_run(out), out)
-    for name in ("groups.npz", "continuum.npz", "trajectory.npz"):
-        with np.load(undisturbed.root / name) as expected, np.load(finished.root / name) as found:
-            for key in expected.files:
-                np.testing.assert_array_equal(found[key], expected[key], err_msg=f"{name}: {key}")
-    assert json.loads((out / "report.json").read_text("utf-8"))["completed_until"] == "render"
-    assert not list(out.rglob("*.partial-*"))
 
 
 def test_inspect_and_the_interrupt_message_tell_what_an_edit_made_out_of_date(run):

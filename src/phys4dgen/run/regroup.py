@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from phys4dgen.errors import RunError, SceneError, StageError
-from phys4dgen.materials import read_materials, write_materials
+from phys4dgen.materials import read_materials
 from phys4dgen.progress import SILENT, Progress
 from phys4dgen.run.artefacts import read_groups
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.generate import Run, continue_run, scene_of_run
+from phys4dgen.run.material_edits import write_both
 from phys4dgen.run.part_flags import Clicks, edits_of_flags
 from phys4dgen.run.state import finished_stages
 from phys4dgen.scene import ALL_PARTS, PartEdit, Scene
@@ -128,10 +129,11 @@ def with_parts_anew(scene: Scene, count: Any) -> Scene:
 
 def move_in_materials(run: RunFolder, moves: Moves) -> None:
     """Let what a person wrote into materials.yaml follow parts that get other names."""
-    for path in (run.materials_yaml, run.identified_yaml):
-        if path.is_file():
-            to = {name: new for name, new in moves.items() if new}
-            write_materials(path, MaterialBook(_followed(read_materials(path), to)))
+    files = run.materials_yaml, run.identified_yaml
+    if all(path.is_file() for path in files):
+        to = {name: new for name, new in moves.items() if new}
+        book, identified = (MaterialBook(_followed(read_materials(path), to)) for path in files)
+        write_both(*files, book=book, identified=identified)
 
 
 def _followed(said: Mapping[str, T], moves: Moves) -> dict[str, T]:

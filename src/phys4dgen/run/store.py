@@ -18,7 +18,6 @@ from phys4dgen.export.pictures import parts_picture, write_png
 from phys4dgen.export.trajectory import read_trajectory, trajectory_writer
 from phys4dgen.grouping.merging import MergeTree
 from phys4dgen.interior import Interior
-from phys4dgen.materials import write_materials
 from phys4dgen.render.views import render_label_maps
 from phys4dgen.run.artefacts import (
     read_groups,
@@ -34,7 +33,7 @@ from phys4dgen.run.digests import MotionDigest, book_products, interior_products
 from phys4dgen.run.film_files import Frames, write_film
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.group_edits import spare_edited_groups
-from phys4dgen.run.material_edits import current_book, edited_materials, with_edits
+from phys4dgen.run.material_edits import current_book, edited_materials, with_edits, write_both
 from phys4dgen.run.partial_motion import PartialMotion
 from phys4dgen.run.prediction import peak_bytes, predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
@@ -284,8 +283,8 @@ class RunStore:
     def _keep_materials(self, book: MaterialBook) -> Recalled:
         edits = edited_materials(self.run.materials_yaml, self.run.identified_yaml)
         kept = self._still_meant(edits, book)
-        write_materials(self.run.identified_yaml, book)
-        write_materials(self.run.materials_yaml, with_edits(book, kept))
+        files = self.run.materials_yaml, self.run.identified_yaml
+        write_both(*files, book=with_edits(book, kept), identified=book)
         return self._read_materials()
 
     def _read_materials(self, _record: StageRecord | None = None) -> Recalled:
