@@ -118,7 +118,7 @@ def test_an_edited_material_survives_a_new_identification(run):
 
 
 @pytest.mark.parametrize("dies_before", ["materials.yaml", ".identified.yaml"])
-def test_a_new_identification_that_dies_halfway_makes_no_edits(run, monkeypatch, dies_before):
+def test_a_new_identification_that_dies_halfway_makes_no_edits(run, undisturbed, monkeypatch, dies_before):
     """Between the replacement of one file and of the other, what is new in one is not a person's word."""
     edit_material(run, "ball", "youngs_modulus_pa", 54321.0)
     replace_file = Path.replace
@@ -128,20 +128,40 @@ def test_a_new_identification_that_dies_halfway_makes_no_edits(run, monkeypatch,
             raise KeyboardInterrupt
         return replace_file(path, target)
 
-    steel = scene_of_run(run.root).with_overrides({"parts.stick.material": "steel"})
+    before = scene_of_run(run.root)
+    steel = before.with_overrides({"parts.stick.material": "steel"})
     with monkeypatch.context() as patch:
         patch.setattr(Path, "replace", dying)
         with pytest.raises(KeyboardInterrupt):
             continue_run(run.root, steel, since="materials", until="materials")
-    rubber = steel.with_overrides({"parts.stick.material": "rubber"})
-    continue_run(run.root, rubber, since="materials", until="materials")
+    assert "materials" not in finished_stages(run.root)
+    again = continue_run(run.root, before, since="materials", until="materials")
+    assert "a command that made it again did not end" in notes_on(again, "materials")[0]
     book = read_materials(run.root / "materials.yaml")
     assert (book["ball"].surface.youngs_modulus_pa, book["ball"].surface.source) == (54321, "user")
-    assert book["stick"].surface.name == "natural_rubber"
-    block = edited_materials(run.root / "materials.yaml", run.root / ".identified.yaml")
-    assert list(block) == [("ball", "surface"), ("ball", "interior")][: len(block)]
-    assert book["block"].surface.source != "user"
+    assert book["stick"] == read_materials(undisturbed.root / "materials.yaml")["stick"]
+    assert {part for part, _ in edited_materials(run.root / "materials.yaml", run.root / ".identified.yaml")} == {"ball"}
     assert not (run.root / ".identified.coming.yaml").exists()
+
+
+def test_another_motion_that_dies_halfway_is_not_taken_for_the_old_one(run, undisturbed, monkeypatch):
+    """Its trajectory lies there, its facts do not."""
+    replace_file = Path.replace
+
+    def dying(path, target):
+        if Path(target).name == "motion.json":
+            raise KeyboardInterrupt
+        return replace_file(path, target)
+
+    before = scene_of_run(run.root)
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", dying)
+        with pytest.raises(KeyboardInterrupt):
+            continue_run(run.root, before.with_overrides({"motion.acceleration_ms2": 0.7}), since="simulate")
+    positions = [read_trajectory(root / "trajectory.npz").positions for root in (run.root, undisturbed.root)]
+    assert (positions[0] != positions[1]).any()
+    continue_run(run.root, before, since="simulate")
+    np.testing.assert_array_equal(read_trajectory(run.root / "trajectory.npz").positions, positions[1])
 
 
 def test_a_stage_that_ends_with_the_same_result_redoes_nothing_after_it(run):

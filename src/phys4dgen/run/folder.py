@@ -157,6 +157,13 @@ class RunFolder:
 
     # ------------------------------------------------------------------------------------------- what is done
 
+    def replace_files_of(self, stage: Stage) -> None:
+        """Note that other files of ``stage`` are about to be written: half of them would not hold, were it killed."""
+        record = self.records.get(stage.name)
+        if record is not None:
+            self.records[stage.name] = replace(record, replaced=True)
+            self._write_state()
+
     def finish(self, stage: Stage, record: StageRecord) -> None:
         """Record that all files of ``stage`` are written."""
         self.records[stage.name] = replace(record, files=self._signatures(stage))

@@ -28,6 +28,7 @@ class StageRecord:
         warnings: what it warned of; its result is still to be judged by it.
         seconds: that it took.
         files: size and modification time (ns) of its files when they were last read or written, by name.
+        replaced: a command began to write other files in the place of these, and has not ended yet.
     """
 
     needs: Needs
@@ -36,10 +37,12 @@ class StageRecord:
     warnings: tuple[str, ...] = ()
     seconds: float = 0.0
     files: Mapping[str, list[int]] = field(default_factory=dict)
+    replaced: bool = False
 
     def changes(self, needs: Needs) -> list[str]:
         """Why the result does not hold for ``needs``, one phrase each; empty where it does."""
-        return needs.changes(self._made_for(needs))
+        halfway = ["a command that made it again did not end"] if self.replaced else []
+        return [*needs.changes(self._made_for(needs)), *halfway]
 
     def changed_settings(self, needs: Needs) -> list[str]:
         """As ``changes``, of the settings alone."""
@@ -86,7 +89,7 @@ def finished_stages(folder: Path | str) -> list[str]:
         fits = settings is None or not record.changed_settings(
             Needs.of(stage_named(name), settings, record.needs.products)
         )
-        if follows and fits:
+        if follows and fits and not record.replaced:
             finished.append(name)
             products |= record.products
     return finished

@@ -95,6 +95,7 @@ class RunStore:
     _products: dict[str, str] = field(default_factory=dict)
     _made: dict[str, Callable[[], Any]] = field(default_factory=dict)
     _needs: dict[str, Needs] = field(default_factory=dict)
+    _halfway: set[str] = field(default_factory=set)
     _began: float = 0.0
 
     @property
@@ -129,6 +130,8 @@ class RunStore:
                 )
             if record is not None:
                 self.progress.note(f"{stage}: made again, because {' and '.join(reasons)}.")
+                if record.replaced:
+                    self._halfway.add(stage)
             self._began = time.perf_counter()
             return None
         readers: Mapping[str, Callable[[StageRecord], Recalled]] = {
@@ -157,6 +160,7 @@ class RunStore:
             "simulate": self._keep_motion,
             "render": self._keep_film,
         }
+        self.run.replace_files_of(stage_named(stage))
         value, products = keepers[stage](result)
         record = StageRecord(
             self._needs[stage],
@@ -376,7 +380,7 @@ class RunStore:
         if self.scene.output.frames == "none":
             return "none"
         record, needs = self.run.records.get("render"), self._needs["render"]
-        if record is None or self.run.missing(self.scene, ["render"]):
+        if record is None or "render" in self._halfway or self.run.missing(self.scene, ["render"]):
             return "new"
         same = record.needs.products == needs.products and record.needs.code == needs.code
         same = same and all(record.needs.settings.get(key) == needs.settings[key] for key in ("input", "output.frames"))
