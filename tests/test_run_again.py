@@ -140,7 +140,8 @@ def test_a_new_identification_that_dies_halfway_makes_no_edits(run, undisturbed,
     book = read_materials(run.root / "materials.yaml")
     assert (book["ball"].surface.youngs_modulus_pa, book["ball"].surface.source) == (54321, "user")
     assert book["stick"] == read_materials(undisturbed.root / "materials.yaml")["stick"]
-    assert {part for part, _ in edited_materials(run.root / "materials.yaml", run.root / ".identified.yaml")} == {"ball"}
+    edits = edited_materials(run.root / "materials.yaml", run.root / ".identified.yaml")
+    assert {part for part, _ in edits} == {"ball"}
     assert not (run.root / ".identified.coming.yaml").exists()
 
 

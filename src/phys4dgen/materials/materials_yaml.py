@@ -31,6 +31,8 @@ _RANGES = {
 
 _REQUIRED = ("density_kgm3", "youngs_modulus_pa", "poisson_ratio")
 _KEYS = ("name", "law", *_RANGES, "extra", "source", "evidence", "range", "warnings")
+_OF_OLDER_VERSIONS = ("effective_law",)
+"""What stands in files of older versions and means nothing any more."""
 _SIDES = ("surface", "interior")
 
 _HEADER = """\
@@ -143,7 +145,7 @@ class _Reader:
         if isinstance(row, str):
             row = {"name": row, "source": "user"}
         row = self.mapping(row, at)
-        self.known_keys(row, _KEYS, at)
+        self.known_keys({key: row[key] for key in row if key not in _OF_OLDER_VERSIONS}, _KEYS, at)
         name = self._text(row, "name", at)
         entry = find_entry(name)
         usual = None if entry is None else entry.material()
