@@ -156,6 +156,12 @@ def test_a_person_may_write_as_little_as_a_name(tmp_path: Path):
     assert parts["body"].interior.law == "neo_hookean"
 
 
+def test_a_file_of_an_older_version_is_read(tmp_path: Path):
+    path = tmp_path / "materials.yaml"
+    path.write_text("parts: {pot: {surface: {name: snow, law: snow, effective_law: neo_hookean}}}")
+    assert read_materials(path)["pot"].surface.law == "snow"
+
+
 def test_values_outside_the_library_range_are_said(tmp_path: Path):
     path = tmp_path / "materials.yaml"
     path.write_text("parts:\n  hat:\n    surface: {name: felt, youngs_modulus_pa: 1e9}\n")
