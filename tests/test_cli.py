@@ -1,5 +1,6 @@
 """The command line up to where the work begins: flags, precedence, errors in one sentence, exit codes."""
 
+import importlib.util
 import json
 import subprocess
 import sys
@@ -14,6 +15,9 @@ from phys4dgen.cli.console import PlainProgress
 from phys4dgen.errors import SceneError
 from phys4dgen.formats import load_gaussians, save_gaussians
 from phys4dgen.progress import SILENT, Progress
+
+TAKEN_AWAY = ("torch", "trimesh", "openai", "huggingface_hub")
+"""Packages that a test takes away."""
 
 
 def scene_of(*words):
@@ -198,23 +202,75 @@ def test_convert_keeps_every_value_that_the_format_has(tmp_path, random_gaussian
     assert "--overwrite" in capsys.readouterr().err
     assert main(["convert", str(tmp_path / "a.ply"), str(tmp_path / "b.splat"), "--overwrite", "-q"]) == 0
     assert capsys.readouterr() == ("", "")
+    assert main(["convert", str(tmp_path / "a.ply"), str(tmp_path / "c.compressed.ply")]) == 0
+    assert "come in another order" in capsys.readouterr().err
+    assert load_gaussians(tmp_path / "c.compressed.ply").sh_degree == 1
+    assert main(["convert", str(tmp_path / "c.compressed.ply"), str(tmp_path / "d.ply"), "-q"]) == 0
+    np.testing.assert_allclose(load_gaussians(tmp_path / "d.ply").means.mean(0), gaussians.means.mean(0), atol=1e-3)
     assert main(["convert", str(tmp_path / "a.ply"), str(tmp_path / "b.spz")]) == 1
     assert "later version" in capsys.readouterr().err
 
 
+def findings(capsys):
+    """What doctor says, by name."""
+    return {finding["name"]: finding for finding in json.loads(capsys.readouterr().out)["findings"]}
+
+
 def test_doctor_names_what_is_missing_and_never_a_key(monkeypatch, capsys):
     monkeypatch.setenv("OPENAI_API_KEY", "sk-do-not-print-me")
-    monkeypatch.delenv("HF_TOKEN", raising=False)
+    monkeypatch.delenv("GEMINI_API_KEY", raising=False)
     assert main(["doctor", "--json"]) == 0
     text = capsys.readouterr().out
     assert "do-not-print-me" not in text
-    findings = {finding["name"]: finding for finding in json.loads(text)["findings"]}
-    assert findings["OPENAI_API_KEY"]["state"] == "ready"
-    assert (findings["HF_TOKEN"]["state"], findings["HF_TOKEN"]["fix"]) == ("optional", "export HF_TOKEN=...")
-    assert findings["processor"]["state"] == "ready"
+    found = {finding["name"]: finding for finding in json.loads(text)["findings"]}
+    assert found["OPENAI_API_KEY"]["state"] == "ready"
+    assert (found["GEMINI_API_KEY"]["state"], found["GEMINI_API_KEY"]["fix"]) == (
+        "optional",
+        "export GEMINI_API_KEY=...",
+    )
+    for name in ("processor", "threads", "compiled kernels", "ffmpeg", "disk"):
+        assert found[name]["state"] == "ready"
     monkeypatch.setattr("phys4dgen.run.doctor._FREE_GB", 1e9)
     assert main(["doctor"]) == 1
     assert "MISSING disk" in capsys.readouterr().out
+
+
+def test_doctor_finds_weights_or_names_the_command_that_gets_them(monkeypatch, capsys, tmp_path):
+    pytest.importorskip("huggingface_hub", reason="the hub's cache is read by huggingface_hub")
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path / "hub"))
+    monkeypatch.setenv("U2NET_HOME", str(tmp_path / "u2net"))
+    monkeypatch.setattr("pathlib.Path.home", lambda: tmp_path)
+    assert main(["doctor", "--json"]) == 0
+    absent = findings(capsys)
+    assert {absent[f"{name} weights"]["state"] for name in ("SAM2", "CLIP", "LGM", "matte")} == {"optional"}
+    assert absent["SAM2 weights"]["fix"] == "hf download facebook/sam2.1-hiera-tiny"
+    assert absent["LGM weights"]["fix"] == "hf download ashawkey/LGM model_fp16_fixrot.safetensors"
+    assert "isnet-general-use.onnx" in absent["matte weights"]["fix"]
+    cached = tmp_path / "hub" / "models--facebook--sam2.1-hiera-tiny"
+    (cached / "snapshots" / "abc").mkdir(parents=True)
+    (cached / "refs").mkdir()
+    (cached / "refs" / "main").write_text("abc")
+    (cached / "snapshots" / "abc" / "model.safetensors").write_text("")
+    (tmp_path / "u2net").mkdir()
+    (tmp_path / "u2net" / "u2net.onnx").write_text("")
+    assert main(["doctor", "--json"]) == 0
+    there = findings(capsys)
+    assert (there["SAM2 weights"]["state"], there["SAM2 weights"]["fix"]) == ("ready", "")
+    assert "u2net.onnx" in there["matte weights"]["detail"]
+    assert there["CLIP weights"]["state"] == "optional"
+
+
+def test_doctor_names_the_extra_of_an_absent_package(monkeypatch, capsys):
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name in TAKEN_AWAY else find_spec(name))
+    assert main(["doctor", "--json"]) == 0
+    found = findings(capsys)
+    assert {name: found[name]["fix"] for name in TAKEN_AWAY if name in found} == {
+        "torch": "pip install 'phys4dgen[models]'",
+        "trimesh": "pip install 'phys4dgen[mesh]'",
+        "openai": "pip install 'phys4dgen[mllm]'",
+    }
+    assert found["CLIP weights"]["fix"] == "pip install 'phys4dgen[models]'"
 
 
 @pytest.mark.parametrize("command", ["simulate", "render"])

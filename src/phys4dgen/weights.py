@@ -9,7 +9,7 @@ from typing import Any
 
 from phys4dgen.errors import StageError
 
-__all__ = ["chosen_device", "load_model", "read_config", "weights_folder"]
+__all__ = ["cached_file", "chosen_device", "load_model", "read_config", "weights_folder"]
 
 _MAX_CONFIG_BYTES = 1 << 20
 _PACKAGES = ("torch", "transformers")
@@ -118,17 +118,23 @@ def chosen_device(wanted: str) -> str:
     return "cuda" if found and wanted != "cpu" else "cpu"
 
 
-def _snapshot(name: str, *, model: str) -> Path:
-    """The folder of a hub id in the local cache."""
+def cached_file(name: str, file: str) -> Path | None:
+    """A file of a hub id in the local cache; None where it is not there. Needs huggingface_hub."""
     from huggingface_hub import try_to_load_from_cache  # pyright: ignore[reportMissingImports]
 
     try:
-        config = try_to_load_from_cache(name, _CONFIG)
+        found = try_to_load_from_cache(name, file)
     except ValueError:  # no id of the hub, such as a path with several slashes
-        config = None
-    if not isinstance(config, str):
+        return None
+    return Path(found) if isinstance(found, str) else None
+
+
+def _snapshot(name: str, *, model: str) -> Path:
+    """The folder of a hub id in the local cache."""
+    config = cached_file(name, _CONFIG)
+    if config is None:
         raise StageError(
             f"{model}: the weights '{name}' are not on this machine and are never fetched unasked; "
             f"'hf download {name}' gets them, or name a folder that holds them."
         )
-    return Path(config).parent
+    return config.parent

@@ -23,7 +23,7 @@ from phys4dgen.types import Camera
 if TYPE_CHECKING:
     import torch  # pyright: ignore[reportMissingImports]
 
-__all__ = ["GsplatRasteriser", "gsplat_is_ready"]
+__all__ = ["GsplatRasteriser", "cuda_driver_is_installed", "gsplat_is_ready"]
 
 _UPPER = [0, 1, 2, 1, 3, 4, 2, 4, 5]
 """Places of the packed xx, xy, xz, yy, yz, zz in the nine of a symmetric matrix."""
@@ -34,14 +34,14 @@ def gsplat_is_ready() -> bool:
     """Whether torch with a CUDA device and gsplat are installed; costs next to nothing where they are not."""
     if importlib.util.find_spec("torch") is None or importlib.util.find_spec("gsplat") is None:
         return False
-    if not _driver_is_installed():
+    if not cuda_driver_is_installed():
         return False
     import torch  # pyright: ignore[reportMissingImports]
 
     return torch.cuda.is_available()
 
 
-def _driver_is_installed() -> bool:
+def cuda_driver_is_installed() -> bool:
     """Whether the system has NVIDIA's driver: importing torch to learn that there is none takes seconds."""
     try:
         ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")

@@ -12,23 +12,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from phys4dgen.materials.mllm.endpoint import KEY_VARIABLES
+from phys4dgen.reconstruct.matte_onnx import DOWNLOAD_COMMAND, find_matte_model
+from phys4dgen.render.gsplat_backend import cuda_driver_is_installed
+from phys4dgen.scene.sections.models import Clip, Sam2
+from phys4dgen.weights import cached_file
+
 __all__ = ["Finding", "examine"]
 
 _FREE_GB = 5.0
 """A run of 100,000 Gaussians and 48 frames takes 1.4 GB."""
 
-_OPTIONAL: Mapping[str, str] = {
-    "onnxruntime": "runs learned mattes (objects cut out of photographs)",
-    "torch": "runs learned models (LGM, SAM2, CLIP)",
-    "transformers": "runs learned models (SAM2, CLIP)",
-    "openai": "speaks to a multimodal language model that names materials",
-    "gsplat": "renders on a CUDA device",
-    "trimesh": "reads meshes (.glb, .obj, .ply, .stl)",
+_OPTIONAL: Mapping[str, tuple[str, str]] = {
+    "onnxruntime": ("matte", "runs learned mattes (objects cut out of photographs)"),
+    "torch": ("models", "runs learned models (LGM, SAM2, CLIP)"),
+    "transformers": ("models", "runs learned models (SAM2, CLIP)"),
+    "safetensors": ("models", "reads their weights"),
+    "openai": ("mllm", "speaks to a multimodal language model that names materials"),
+    "gsplat": ("gsplat", "renders on a CUDA device"),
+    "trimesh": ("mesh", "reads meshes (.glb, .obj, .ply, .stl)"),
 }
-"""What stand-ins do on their own where a package is absent; the report names them."""
+"""By package its extra and what it is for; stand-ins do without on their own, and the report names them."""
 
-_KEYS = ("OPENAI_API_KEY", "OPENAI_BASE_URL", "HF_TOKEN")
-_WEIGHTS = {"HF_HOME": "~/.cache/huggingface", "TORCH_HOME": "~/.cache/torch"}
+_LGM = "ashawkey/LGM", "model_fp16_fixrot.safetensors"
 
 
 @dataclass(frozen=True)
@@ -61,9 +67,13 @@ def examine(folder: Path | None = None) -> list[Finding]:
         _kernels(),
         _ffmpeg(),
         _disk(Path.cwd() if folder is None else folder),
+        _cuda(),
         *(_package(name) for name in _OPTIONAL),
-        *(_weights(name) for name in _WEIGHTS),
-        *(_key(name) for name in _KEYS),
+        _weights("SAM2", "finds parts", repository=Sam2().weights),
+        _weights("CLIP", "names parts and materials", repository=Clip().weights),
+        _weights("LGM", "makes Gaussians of four views", repository=_LGM[0], file=_LGM[1]),
+        _matte(),
+        *(_key(name) for name in KEY_VARIABLES),
     ]
 
 
@@ -121,21 +131,42 @@ def _disk(folder: Path) -> Finding:
     return Finding("disk", "ready", f"{free_gb:,.0f} GB free here")
 
 
+def _cuda() -> Finding:
+    if cuda_driver_is_installed():
+        return Finding("CUDA", "ready", "NVIDIA's driver is installed")
+    return Finding("CUDA", "optional", "no NVIDIA driver: everything runs on the CPU")
+
+
 def _package(name: str) -> Finding:
-    purpose = _OPTIONAL[name]
+    extra, purpose = _OPTIONAL[name]
     if importlib.util.find_spec(name) is None:
-        return Finding(name, "optional", f"absent; {purpose}", f"pip install {name}")
+        return Finding(name, "optional", f"absent; {purpose}", f"pip install 'phys4dgen[{extra}]'")
     return Finding(name, "ready", f"{importlib.metadata.version(name)}; {purpose}")
 
 
-def _weights(variable: str) -> Finding:
-    folder = Path(os.environ.get(variable) or _WEIGHTS[variable]).expanduser()
-    there = folder.is_dir() and any(folder.iterdir())
-    detail = f"{folder} {'holds files' if there else 'holds no weights'}"
-    return Finding(f"weights ({variable})", "ready" if there else "optional", detail)
+def _weights(model: str, purpose: str, *, repository: str, file: str = "model.safetensors") -> Finding:
+    """Weights in the local cache of the Hugging Face hub."""
+    name = f"{model} weights"
+    if importlib.util.find_spec("huggingface_hub") is None:
+        detail = f"the cache of the Hugging Face hub cannot be read; {purpose}"
+        return Finding(name, "optional", detail, "pip install 'phys4dgen[models]'")
+    found = cached_file(repository, file)
+    if found is None:
+        wanted = repository if file == "model.safetensors" else f"{repository} {file}"
+        return Finding(name, "optional", f"not here; {purpose}", f"hf download {wanted}")
+    return Finding(name, "ready", f"{found}; {purpose}")
+
+
+def _matte() -> Finding:
+    name, purpose = "matte weights", "cuts objects out of photographs"
+    found = find_matte_model()
+    if found is None:
+        return Finding(name, "optional", f"no IS-Net or U2-Net of rembg; {purpose}", DOWNLOAD_COMMAND)
+    return Finding(name, "ready", f"{found}; {purpose}")
 
 
 def _key(variable: str) -> Finding:
-    if os.environ.get(variable):
-        return Finding(variable, "ready", "is set")
-    return Finding(variable, "optional", "is not set", f"export {variable}=...")
+    owner = KEY_VARIABLES[variable]
+    if os.environ.get(variable, "").strip():
+        return Finding(variable, "ready", f"is set; the key of {owner}")
+    return Finding(variable, "optional", f"is not set; the key of {owner}", f"export {variable}=...")

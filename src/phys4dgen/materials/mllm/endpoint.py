@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 from phys4dgen.errors import SceneError
 from phys4dgen.scene.address import checked_address
 
-__all__ = ["DEFAULT_BASE_URL", "DEFAULT_MODEL", "Endpoint", "endpoint"]
+__all__ = ["DEFAULT_BASE_URL", "DEFAULT_MODEL", "KEY_VARIABLES", "Endpoint", "endpoint"]
 
 DEFAULT_MODEL = "gpt-4o"
 """The paper's."""
@@ -20,6 +20,8 @@ DEFAULT_BASE_URL = "https://api.openai.com/v1"
 _KEY_VARIABLES = {"api.openai.com": "OPENAI_API_KEY", "generativelanguage.googleapis.com": "GEMINI_API_KEY"}
 OTHER_KEY_VARIABLE = "PHYS4DGEN_MLLM_KEY"
 """Environment variable with the key of any other server."""
+KEY_VARIABLES = {name: host for host, name in _KEY_VARIABLES.items()} | {OTHER_KEY_VARIABLE: "any other server"}
+"""Whose key an environment variable holds."""
 _SHORTEST_SECRET = 8
 """Shorter keys are what people give servers that want none ("x", "EMPTY"): to replace them would spoil answers."""
 _MODEL = re.compile(r"[\w][\w./:@-]{0,127}")
