@@ -104,7 +104,6 @@ def test_paths_are_taken_from_the_folder_of_the_file(tmp_path):
         ("materials: {backend: file}", "materials: backend 'file' needs file"),
         ("grouping: {names: {0: pot, 1: pot}}", "every part needs its own name"),
         ("seed: 1\nseed: 2", "s.yaml line 3: the key 'seed' is written twice."),
-        ("parts: {all: {hold: fixed}}", "cannot name a part"),
     ],
 )
 def test_an_error_names_place_key_expectation_and_value(tmp_path, text, expected):

@@ -7,7 +7,7 @@ stands as a function that returns it: what nobody asks for is not read back.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -21,6 +21,14 @@ from phys4dgen.stages.interior import fill
 from phys4dgen.stages.materials import identify
 from phys4dgen.stages.motion import move
 from phys4dgen.stages.reconstruct import reconstruct
+from phys4dgen.stages.several import (
+    ReadyObject,
+    join_books,
+    join_interiors,
+    join_parts,
+    put_together,
+    shared_cell_m,
+)
 from phys4dgen.stages.views import look
 
 __all__ = ["Store", "animate_scene"]
@@ -33,6 +41,13 @@ class Store(Protocol):
 
     def begin(self) -> None:
         """The stages follow."""
+        ...
+
+    def objects(self, until: str, cell_m: float | None) -> Sequence[ReadyObject]:
+        """The objects of a scene of several, each understood by itself up to and with the stage ``until``.
+
+        ``cell_m`` is the grid cell that they share; None before it is known.
+        """
         ...
 
     def hold(self, asset: Asset) -> None:
@@ -72,7 +87,11 @@ def animate_scene(scene: Scene, store: Store, *, until: str = "render", progress
         found = store.recall(name, make)
         return store.keep(name, make()) if found is None else found
 
-    source = stage("reconstruct", lambda: reconstruct(scene, progress))
+    several = _understood(scene, store, until, progress) if scene.objects else None
+    if several is None:
+        source = stage("reconstruct", lambda: reconstruct(scene, progress))
+    else:
+        source = stage("reconstruct", lambda: put_together(scene, *several))
     if until == "reconstruct":
         return
     asset = load(scene, source(), progress)
@@ -80,19 +99,35 @@ def animate_scene(scene: Scene, store: Store, *, until: str = "render", progress
     views = stage("views", lambda: look(scene, asset, progress))
     if until == "views":
         return
-    tree = store.keep_tree(lambda: find_tree(scene, asset, views(), progress))
-    parts = stage("grouping", lambda: group(scene, asset, views(), tree, store.place("segments"), progress))
+    if several is None:
+        tree = store.keep_tree(lambda: find_tree(scene, asset, views(), progress))
+        parts = stage("grouping", lambda: group(scene, asset, views(), tree, store.place("segments"), progress))
+    else:
+        parts = stage("grouping", lambda: join_parts(several[0]))
     check_part_names(scene, parts().names)
     if until == "grouping":
         return
-    interior = stage("interior", lambda: fill(scene, asset, parts(), progress))
+    if several is None:
+        interior = stage("interior", lambda: fill(scene, asset, parts(), progress))
+    else:
+        interior = stage("interior", lambda: join_interiors(scene, several[0], asset, progress))
     if until == "interior":
         return
-    run = store.place("")
-    book = stage("materials", lambda: identify(scene, source(), asset, parts(), interior(), run, progress))
+    if several is None:
+        run = store.place("")
+        book = stage("materials", lambda: identify(scene, source(), asset, parts(), interior(), run, progress))
+    else:
+        book = stage("materials", lambda: join_books(scene, several[0], parts(), progress))
     if until == "materials":
         return
     motion = stage("simulate", lambda: move(scene, asset, parts(), interior(), book(), progress))
     if until == "simulate":
         return
     stage("render", lambda: film(scene, asset, motion(), progress))
+
+
+def _understood(scene: Scene, store: Store, until: str, progress: Progress) -> tuple[Sequence[ReadyObject], float]:
+    """Several objects, each by itself as far as its materials, and the grid cell that they share in metres."""
+    sized = store.objects("reconstruct", None)
+    cell_m = shared_cell_m(scene, {own.name: own.asset for own in sized}, progress)
+    return store.objects(until, cell_m), cell_m

@@ -128,6 +128,7 @@ IDENTIFY_SWITCHES = (
 
 _PREVIEW: dict[str, Any] = {
     "simulation.grid": 32,
+    "simulation.cell_m": None,
     "simulation.max_substeps": 300,
     "simulation.duration_s": 1.0,
     "views.size_px": 256,
@@ -301,6 +302,7 @@ def _scene_key_lines() -> Iterator[str]:
             flag = f"--{'.'.join(path).replace('_', '-')}"
             yield f"  {flag:<38} {text} (default: {default})"
     yield f"  {'--parts.NAME.KEY':<38} hold, material, interior-material or thickness-m of a part"
+    yield f"  {'--objects.NAME.KEY':<38} position-m, rotation-deg, velocity-ms ... of one of several objects"
 
 
 def _joined(words: Sequence[str], flags: Sequence[str], takes_value: set[str]) -> list[str]:
@@ -338,9 +340,9 @@ def _take_dotted(words: Sequence[str], *, accepted: bool) -> tuple[list[str], di
 
 
 def _scene_key(dotted: str) -> str:
-    """``simulation.max-substeps`` -> ``simulation.max_substeps``; the name of a part stays as it is."""
+    """``simulation.max-substeps`` -> ``simulation.max_substeps``; the name of a part or an object stays as it is."""
     path = dotted.split(".")
-    is_name = path[0] == "parts"
+    is_name = path[0] in ("parts", "objects")
     return ".".join(key if is_name and place == 1 else key.replace("-", "_") for place, key in enumerate(path))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from phys4dgen.cli.arguments import Arguments, add_generate_flags, scene_from
@@ -28,7 +29,8 @@ def run(arguments: Arguments) -> int:
     from phys4dgen.run.demo import DEFAULT_SCENE, prepare_demo, prepare_example
     from phys4dgen.scene import Scene
 
-    scene_from(arguments, Scene(input=Path("demo")))  # a misspelt flag is told before anything is made
+    told = {key: value for key, value in arguments.overrides.items() if not key.startswith("objects.")}
+    scene_from(replace(arguments, overrides=told), Scene(input=Path("demo")))  # misspelt flags, before anything is made
     name, out = arguments.options.scene or DEFAULT_SCENE, arguments.options.output
     is_file = Path(name).suffix in (".yaml", ".yml")
     return fill(

@@ -11,7 +11,7 @@ import numpy as np
 from phys4dgen.errors import SceneError
 from phys4dgen.formats import save_gaussians
 from phys4dgen.run.folder import RunFolder
-from phys4dgen.scene import Scene
+from phys4dgen.scene import SEPARATOR, Scene
 from phys4dgen.scene.model import validated_scene
 from phys4dgen.scene.yaml_file import read_scene_tree
 from phys4dgen.zoo import bundled
@@ -37,7 +37,7 @@ def prepare_demo(out: Path | str, *, name: str = DEFAULT_SCENE, seed: int = 0) -
 
 
 def prepare_example(out: Path | str, path: Path) -> Scene:
-    """As ``prepare_demo``, of a scene file that names a bundled object as its input; what it says wins.
+    """As ``prepare_demo``, of a scene file that names bundled objects as its inputs; what it says wins.
 
     Args:
         out: the run folder.
@@ -48,11 +48,14 @@ def prepare_example(out: Path | str, path: Path) -> Scene:
         RunError: ``out`` holds other files, or cannot be written.
     """
     tree, places = read_scene_tree(path)
+    given = tree.get("seed", 0)
+    seed = given if isinstance(given, int) else 0
+    if "input" not in tree and isinstance(tree.get("objects"), dict):
+        return validated_scene(_objects_tree(out, tree, seed), source=str(path), places=places)
     name = tree.get("input")
     if not isinstance(name, str):
         raise SceneError(f"{path}: expected the name of a bundled object as input, such as 'input: snowman'.")
-    seed = tree.get("seed", 0)
-    base = _object_tree(out, name, seed if isinstance(seed, int) else 0)
+    base = _object_tree(out, name, seed)
     merged = _merged(base, {key: value for key, value in tree.items() if key != "input"})
     return validated_scene(merged, source=str(path), places=places)
 
@@ -67,6 +70,22 @@ def _object_tree(out: Path | str, name: str, seed: int) -> dict[str, Any]:
     folder.write_npz(labels, {"labels": it.labels, "names": np.array(it.part_names)})
     told = {"input": splat, "grouping": {"labels_file": labels}, "motion": {"preset": it.motion}}
     return _merged(it.default_scene, told)
+
+
+def _objects_tree(out: Path | str, tree: Mapping[str, Any], seed: int) -> dict[str, Any]:
+    """The keys and values of a scene of several bundled objects, all of which are written."""
+    objects, parts = {}, {}
+    for name, told in tree["objects"].items():
+        bundle = told.get("input") if isinstance(told, Mapping) else None
+        if not isinstance(bundle, str):
+            objects[name] = told  # which the scene refuses with the place where it stands
+            continue
+        own = _object_tree(out, bundle, seed)
+        placed = {key: own[key] for key in ("input", "up", "height_m", "longest_m") if key in own}
+        placed["grouping"] = {"labels_file": own["grouping"]["labels_file"]}
+        objects[name] = _merged(placed, {key: value for key, value in told.items() if key != "input"})
+        parts |= {f"{name}{SEPARATOR}{part}": {**options, "hold": "auto"} for part, options in own["parts"].items()}
+    return _merged({"parts": parts}, {**tree, "objects": objects})
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

@@ -39,7 +39,8 @@ class RunFolder:
     """A run folder that this process holds; use it in a ``with`` statement.
 
     The names of all artefacts are attributes (README.md says what they hold), so that no other file spells them.
-    ``input`` holds the splat of the demo; every other input stays where it is. ``records`` tells of the finished
+    ``input`` holds the splats of the demo; every other input stays where it is. ``objects`` holds a run folder for each
+    of several objects. ``records`` tells of the finished
     stages, by name.
     """
 
@@ -47,6 +48,7 @@ class RunFolder:
         self.root = Path(root).absolute()
         self.input = self.root / "input"
         self.scene_yaml = self.root / "scene.yaml"
+        self.objects = self.root / "objects"
         self.gaussians_ply = self.root / "gaussians.ply"
         self.cutout_png = self.root / "reconstruct" / "cutout.png"
         self.source_json = self.root / "reconstruct" / "source.json"
@@ -210,7 +212,7 @@ class RunFolder:
 
     def missing(self, scene: Scene, stages: Sequence[str]) -> list[str]:
         """Names of the files that these stages of a scene owe and that are not there."""
-        of_a_picture = [self.source_json] if is_picture(scene.input) else []
+        of_a_picture = [self.source_json] if scene.input is None or is_picture(scene.input) else []
         owed = {
             "reconstruct": [self.gaussians_ply, *of_a_picture],
             "views": [self.cameras_json],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,6 +13,7 @@ from phys4dgen.errors import RunError
 from phys4dgen.progress import SILENT, Progress
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.kernels import simulator_is_compiled
+from phys4dgen.run.objects import object_reports
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import Report
 from phys4dgen.run.stages import STAGES, Needs, scene_settings, stage_named, stages_until
@@ -125,7 +127,7 @@ def _finished(
     again: bool = False,
 ) -> Run:
     """The run with all of ``stages`` done."""
-    if not again and _holds(run, scene, stages):
+    if not again and not scene.objects and _holds(run, scene, stages):
         run.write_scene(scene)  # a change that only later stages read
         recorder.note(f"{run.root} holds this run already; nothing is left to do.")
     else:
@@ -153,15 +155,16 @@ def _holds(run: RunFolder, scene: Scene, stages: Sequence[str]) -> bool:
 
 def _fill(
     run: RunFolder, scene: Scene, stages: Sequence[str], recorder: RecordingProgress, *, since: str, again: bool
-) -> None:
-    """Run the stages, and write the report however they end."""
+) -> RunStore:
+    """Run the stages, and write the report however they end; what they made."""
     from phys4dgen.pipeline import animate_scene
     from phys4dgen.run.store import RunStore
 
     use_threads(scene)
     if not simulator_is_compiled():
         recorder.note("First run on this machine: the kernels are compiled once, which adds about half a minute.")
-    store = RunStore(run, scene, recorder, since=since, again=again, only=since == "render")
+    fill = partial(_fill, since=since, again=again)
+    store = RunStore(run, scene, recorder, fill, since=since, again=again, only=since == "render")
     if not store.only:  # which may still refuse, and writes the scene once it does not
         run.write_scene(scene)
     try:
@@ -172,6 +175,7 @@ def _fill(
                 _write_report(run, scene, store, recorder, stages)
         raise
     _write_report(run, scene, store, recorder, stages)
+    return store
 
 
 def _write_report(
@@ -180,7 +184,7 @@ def _write_report(
     recorder.end_stage()
     finished = [stage for stage in stages if stage in store.finished]
     report = Report(
-        input=scene.input.as_posix(),
+        input=_input(scene),
         seed=scene.seed,
         warnings=recorder.warnings,
         notes=recorder.notes,
@@ -189,10 +193,18 @@ def _write_report(
         stages=recorder.stages,
         counts=store.counts,
         metres_per_unit=store.asset.frame.metres_per_unit if store.asset is not None else None,
+        objects=object_reports(scene, store.ready, store.parts),
         parts=store.parts,
         **_sections(store.facts),
     )
     run.write_json(run.report_json, report.as_dict())
+
+
+def _input(scene: Scene) -> str:
+    """The input of a run, or those of its objects."""
+    if scene.input is not None:
+        return scene.input.as_posix()
+    return ", ".join(f"{name}: {placed.input.as_posix()}" for name, placed in scene.objects.items())
 
 
 _MOTION = ("preset", "held", "wind_up", "gust_ms2", "gust_s", "frequency_hz")

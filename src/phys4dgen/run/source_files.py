@@ -21,9 +21,15 @@ __all__ = ["read_source", "write_source"]
 
 
 def write_source(run: RunFolder, source: Source) -> None:
-    """Write ``gaussians.ply`` and ``reconstruct/``: the maker and, where it knows them, cut-out, camera and inside."""
+    """Write ``gaussians.ply`` and ``reconstruct/``: the maker and, where it knows them, cut-out, camera and inside.
+
+    Of several objects it is their Gaussians in the scene's coordinates, and the grid cell that they share.
+    """
     whole = source.gaussians if source.surroundings is None else source.surroundings.whole
     save_gaussians(whole, run.gaussians_ply)
+    if source.cell_m is not None:
+        run.write_json(run.source_json, {"backend": source.backend, "up": [0, 0, 1], "cell_m": source.cell_m})
+        return
     if source.picture is None or source.camera is None:
         run.write_json(run.source_json, {"backend": source.backend, "up": source.up})
         return
@@ -46,10 +52,12 @@ def write_source(run: RunFolder, source: Source) -> None:
 
 
 def read_source(run: RunFolder, scene: Scene) -> Source:
-    """Read it back; a splat that was given is read from where it lies."""
-    if not is_picture(scene.input) and not is_mesh(scene.input):
+    """Read it back; a single splat that was given is read from where it lies."""
+    if scene.input is not None and not is_picture(scene.input) and not is_mesh(scene.input):
         return source_of_splat(scene)
     facts = json.loads(run.source_json.read_text("utf-8"))
+    if scene.input is None:
+        return Source(load_gaussians(run.gaussians_ply), facts["backend"], cell_m=facts["cell_m"])
     up = None if facts["up"] is None else np.array(facts["up"])
     if "viewmat" not in facts:
         return Source(load_gaussians(run.gaussians_ply), facts["backend"], up=up)

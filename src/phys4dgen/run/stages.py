@@ -17,7 +17,7 @@ from typing import Any
 
 from phys4dgen.errors import RunError, SceneError, did_you_mean
 from phys4dgen.run.code_stamp import code_stamp
-from phys4dgen.scene import Scene
+from phys4dgen.scene import PlacedObject, Scene
 
 __all__ = ["MERGE_TREE", "STAGES", "Needs", "Stage", "file_digest", "scene_settings", "stage_named", "stages_until"]
 
@@ -34,6 +34,7 @@ class Stage:
         makes: products that later stages read.
         code: files and folders of this package that it runs.
         files: what it leaves in the run folder (glob patterns).
+        joins: where there are several objects, products of their own runs that it reads.
     """
 
     name: str
@@ -43,28 +44,34 @@ class Stage:
     makes: tuple[str, ...]
     code: tuple[str, ...]
     files: tuple[str, ...]
+    joins: tuple[str, ...] = ()
 
 
-_SOURCE = ("input", "select", "reconstruct")
+_SOURCE = ("input", "objects", "select", "reconstruct")
 _ASSET = (*_SOURCE, "up", "height_m", "longest_m", "simulation.scale")
 _SOURCE_CODE = ("types", "formats", "render", "vector", "reconstruct", "stages/reconstruct.py", "stages/selection.py")
 _GROUPING_STAGES = ("stages/grouping.py", "stages/segmentation.py", "stages/naming.py")
-_SHARED_CODE = (*_SOURCE_CODE, "upright", "stages/asset.py", "stages/views.py")
+_SHARED_CODE = (*_SOURCE_CODE, "upright", "stages/asset.py", "stages/resolution.py", "stages/views.py")
+_SEVERAL_CODE = ("stages/several.py", "stages/overlap.py")
+_UNMOVED = ("objects.*.velocity_ms", "objects.*.spin_deg_s")
+"""How objects start; concerns the simulation alone."""
+_UNPARTED = (*_UNMOVED, "objects.*.grouping*")
+"""What of objects is not seen before they have parts."""
 
 STAGES = (
     Stage(
         "reconstruct",
         settings=_SOURCE,
-        ignores=(),
+        ignores=_UNPARTED,
         takes=(),
         makes=(),
-        code=_SOURCE_CODE,
+        code=(*_SOURCE_CODE, *_SEVERAL_CODE),
         files=("gaussians.ply", "reconstruct/*"),
     ),
     Stage(
         "views",
         settings=(*_ASSET, "views"),
-        ignores=(),
+        ignores=_UNPARTED,
         takes=(),
         makes=("views",),
         code=_SHARED_CODE,
@@ -73,29 +80,32 @@ STAGES = (
     Stage(
         "grouping",
         settings=(*_ASSET, "seed", "grouping", "clip"),
-        ignores=(),
+        ignores=_UNMOVED,
         takes=("views",),
         makes=("parts", "part names"),
-        code=(*_SHARED_CODE, "grouping", "clip", "weights.py", *_GROUPING_STAGES),
+        code=(*_SHARED_CODE, *_SEVERAL_CODE, "grouping", "clip", "weights.py", *_GROUPING_STAGES),
         files=("groups.npz", "groups_tree.npz", "parts.png", "segments/*"),
+        joins=("objects' parts",),
     ),
     Stage(
         "interior",
-        settings=(*_ASSET, "seed", "interior", "parts", "simulation.grid"),
-        ignores=("parts.*.hold", "parts.*.material", "parts.*.interior_material"),
+        settings=(*_ASSET, "seed", "interior", "parts", "simulation.grid", "simulation.cell_m"),
+        ignores=(*_UNPARTED, "parts.*.hold", "parts.*.material", "parts.*.interior_material"),
         takes=("parts",),
         makes=("particles",),
-        code=(*_SHARED_CODE, "interior", "stages/interior.py"),
+        code=(*_SHARED_CODE, *_SEVERAL_CODE, "interior", "stages/interior.py"),
         files=("continuum.npz",),
+        joins=("objects' particles",),
     ),
     Stage(
         "materials",
         settings=(*_ASSET, "seed", "materials", "parts", "clip"),
-        ignores=("parts.*.hold", "materials.offline", "materials.max_*"),
+        ignores=(*_UNPARTED, "parts.*.hold", "materials.offline", "materials.max_*"),
         takes=("parts", "part names", "particles"),
         makes=("materials",),
-        code=(*_SHARED_CODE, "materials", "clip", "weights.py", "programs.py", "stages/materials.py"),
+        code=(*_SHARED_CODE, *_SEVERAL_CODE, "materials", "clip", "weights.py", "programs.py", "stages/materials.py"),
         files=("materials.yaml", ".identified.yaml"),
+        joins=("objects' materials",),
     ),
     Stage(
         "simulate",
@@ -110,7 +120,7 @@ STAGES = (
             "changes",
             "simulation",
         ),
-        ignores=("parts.*.material", "parts.*.interior_material", "simulation.threads"),
+        ignores=("objects.*.grouping*", "parts.*.material", "parts.*.interior_material", "simulation.threads"),
         takes=("parts", "part names", "particles", "materials"),
         makes=("motion",),
         code=(
@@ -118,14 +128,14 @@ STAGES = (
             *("mpm", "body.py", "joints.py", "motion.py", "animate"),
             *("stages/motion.py", "stages/motion_plan.py", "stages/motion_facts.py", "stages/motion_loads.py"),
             *("stages/motion_changes.py", "stages/motion_obstacles.py", "stages/motion_presets.py"),
-            "stages/simulation.py",
+            *("stages/apart.py", "stages/simulation.py"),
         ),
         files=("trajectory.npz", "motion.json"),
     ),
     Stage(
         "render",
         settings=(*_SOURCE, "up", "output", "simulation.fps", "simulation.scale"),
-        ignores=(),
+        ignores=_UNPARTED,
         takes=("motion",),
         makes=(),
         code=(*_SHARED_CODE, "animate", "export", "stages/film.py", "stages/backdrop.py"),
@@ -173,7 +183,8 @@ class Needs:
         """
         return cls(
             {key: value for key, value in settings.items() if _concerns(stage, key)},
-            {name: products[name] for name in stage.takes},
+            {name: products[name] for name in stage.takes}
+            | {name: products[name] for name in stage.joins if name in products},
             code_stamp(stage.code),
         )
 
@@ -241,22 +252,33 @@ def scene_settings(scene: Scene) -> dict[str, Any]:
         RunError: one of the files cannot be read.
     """
     leaves = dict(_leaves(scene.model_dump(mode="json")))
-    named = scene.grouping.named_picture
-    for key, path in (
-        ("input", scene.input),
-        ("reconstruct.mask", scene.reconstruct.mask),
-        ("reconstruct.matte_model", scene.reconstruct.matte_model),
-        ("reconstruct.checkpoint", scene.reconstruct.checkpoint),
-        ("select.labels_file", scene.select.labels_file),
-        ("grouping.labels_file", scene.grouping.labels_file),
-        ("grouping.named_picture.picture", None if named is None else named.picture),
-        ("grouping.named_picture.segments", None if named is None else named.segments),
-        ("materials.file", scene.materials.file),
-    ):
-        if path is not None:
-            leaves[key] = file_digest(path)
-    if scene.reconstruct.views:
-        leaves["reconstruct.views"] = [file_digest(path) for path in scene.reconstruct.views]
+    leaves |= _file_leaves(scene, "")
+    if scene.materials.file is not None:
+        leaves["materials.file"] = file_digest(scene.materials.file)
+    for name, placed in scene.objects.items():
+        leaves |= _file_leaves(placed, f"objects.{name}.")
+    if scene.objects:
+        leaves["objects.grid"] = scene.simulation.cell_m or scene.simulation.grid  # they share one from the first
+    return leaves
+
+
+def _file_leaves(told: Scene | PlacedObject, prefix: str) -> dict[str, Any]:
+    """Digests of the files that are named of one object, by key."""
+    made, grouping = told.reconstruct, told.grouping
+    named = None if grouping is None else grouping.named_picture
+    files = {
+        "input": told.input,
+        "reconstruct.mask": None if made is None else made.mask,
+        "reconstruct.matte_model": None if made is None else made.matte_model,
+        "reconstruct.checkpoint": None if made is None else made.checkpoint,
+        "select.labels_file": told.select.labels_file,
+        "grouping.labels_file": None if grouping is None else grouping.labels_file,
+        "grouping.named_picture.picture": None if named is None else named.picture,
+        "grouping.named_picture.segments": None if named is None else named.segments,
+    }
+    leaves: dict[str, Any] = {f"{prefix}{key}": file_digest(path) for key, path in files.items() if path is not None}
+    if made is not None and made.views:
+        leaves[f"{prefix}reconstruct.views"] = [file_digest(path) for path in made.views]
     return leaves
 
 
@@ -291,7 +313,7 @@ _FILES = (
 
 
 def _said(key: str, before: Any, now: Any) -> str:
-    if key in _FILES:
+    if (key.split(".", 2)[-1] if key.startswith("objects.") else key) in _FILES:
         return f"the file of {key} changed"
     return f"{key} is {_short(now)} and was {_short(before)}"
 

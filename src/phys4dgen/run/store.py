@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ from phys4dgen.run.film_files import Frames, write_film
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.group_edits import spare_edited_groups
 from phys4dgen.run.material_edits import current_book, edited_materials, with_edits, write_both
+from phys4dgen.run.objects import Fill, products_of_objects, understand_objects
 from phys4dgen.run.partial_motion import PartialMotion
 from phys4dgen.run.prediction import peak_bytes, predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
@@ -41,7 +42,7 @@ from phys4dgen.run.report import PartReport, part_reports
 from phys4dgen.run.source_files import read_source, write_source
 from phys4dgen.run.stages import MERGE_TREE, STAGES, Needs, scene_settings, stage_named
 from phys4dgen.run.state import StageRecord
-from phys4dgen.scene import Scene
+from phys4dgen.scene import ALL_PARTS, Scene, object_of
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.film import Film
 from phys4dgen.stages.interior import settled_thickness
@@ -49,6 +50,7 @@ from phys4dgen.stages.motion import Motion
 from phys4dgen.stages.motion_facts import MotionFacts
 from phys4dgen.stages.reconstruct import Source
 from phys4dgen.stages.selection_picture import selection_picture
+from phys4dgen.stages.several import ReadyObject
 from phys4dgen.types import Masks, Material, MaterialBook, Parts, Views
 
 __all__ = ["RunStore", "recalled_motion"]
@@ -68,6 +70,7 @@ class RunStore:
         run: the folder, claimed.
         scene: what was asked for.
         progress: told what is reused, and why something is made again.
+        fill: makes what is missing in the run folder of one of several objects.
         since: first stage that this command means to make; those before it hold although phys4dgen itself changed.
         again: make ``since`` again although nothing has changed.
         only: refuse to make a stage before ``since``.
@@ -77,11 +80,13 @@ class RunStore:
         parts: the parts in numbers.
         facts: what the simulation decided and found.
         asset: the object, once it is read.
+        ready: the objects, where there are several, as far as they are understood.
     """
 
     run: RunFolder
     scene: Scene
     progress: RecordingProgress
+    fill: Fill
     since: str = STAGES[0].name
     again: bool = False
     only: bool = False
@@ -91,6 +96,7 @@ class RunStore:
     parts: list[PartReport] = field(default_factory=list)
     facts: MotionFacts | None = None
     asset: Asset | None = None
+    ready: Sequence[ReadyObject] = ()
     _settings: dict[str, Any] = field(default_factory=dict)
     _products: dict[str, str] = field(default_factory=dict)
     _made: dict[str, Callable[[], Any]] = field(default_factory=dict)
@@ -103,11 +109,31 @@ class RunStore:
         """Stages that this command has made or reused."""
         return set(self._made)
 
+    @property
+    def products(self) -> Mapping[str, str]:
+        """Digests by name of what the stages have made."""
+        return dict(self._products)
+
+    def result(self, stage: str) -> Any:
+        """What a finished stage has made."""
+        return self._made[stage]()
+
     # --------------------------------------------------------------------------------------------- the protocol
 
     def begin(self) -> None:
         """The stages follow."""
         self._settings = scene_settings(self.scene)
+
+    def objects(self, until: str, cell_m: float | None) -> Sequence[ReadyObject]:
+        """The objects of a scene of several, each understood in a run folder of its own."""
+        try:
+            self.ready = understand_objects(
+                self.run, self.scene, self.fill, until=until, cell_m=cell_m, progress=self.progress
+            )
+        except RunError:
+            self.refused = self.only
+            raise
+        return self.ready
 
     def hold(self, asset: Asset) -> None:
         """The object, for the stages after ``reconstruct``."""
@@ -221,7 +247,7 @@ class RunStore:
     def _read_source(self, _record: StageRecord | None = None) -> Recalled:
         source = read_source(self.run, self.scene)
         self.backends["reconstruct"] = source.backend
-        return lambda: source, {}
+        return lambda: source, products_of_objects(self.ready)
 
     def _keep_views(self, views: Views) -> Recalled:
         asset = self._object()
@@ -305,7 +331,8 @@ class RunStore:
         before = {} if record is None else record.needs.settings
         kept = {}
         for (part, side), edited in edits.items():
-            keys = [f"parts.{part}.material", f"parts.{part}.interior_material"]
+            names = (ALL_PARTS, object_of(part), part)
+            keys = [f"parts.{name}.{key}" for name in names for key in ("material", "interior_material")]
             if part not in book.parts:
                 self.progress.warn(f"What materials.yaml said of part '{part}' is dropped: there is no such part now.")
             elif any(before.get(key) != self._settings.get(key) for key in keys):
@@ -383,7 +410,8 @@ class RunStore:
         if record is None or "render" in self._halfway or self.run.missing(self.scene, ["render"]):
             return "new"
         same = record.needs.products == needs.products and record.needs.code == needs.code
-        same = same and all(record.needs.settings.get(key) == needs.settings[key] for key in ("input", "output.frames"))
+        shown = [key for key in needs.settings if key == "output.frames" or key.startswith(("input", "objects."))]
+        same = same and all(record.needs.settings.get(key) == needs.settings[key] for key in shown)
         return "kept" if same and not self.again else "new"
 
     def _object(self) -> Asset:

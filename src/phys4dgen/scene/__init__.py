@@ -1,7 +1,15 @@
 """The Scene: everything that a run is told (scene.yaml, Python or flags), frozen and validated."""
 
 from phys4dgen.scene.model import Scene
-from phys4dgen.scene.part_names import check_part_names, refuse_impossible_part_names
+from phys4dgen.scene.one_of_several import scene_of_object
+from phys4dgen.scene.part_names import (
+    SEPARATOR,
+    check_part_names,
+    object_of,
+    options_by_part,
+    parts_meant,
+    refuse_impossible_part_names,
+)
 from phys4dgen.scene.sections import (
     ALL_PARTS,
     AccelerationForce,
@@ -27,6 +35,7 @@ from phys4dgen.scene.sections import (
     PartOptions,
     PerParticleForce,
     Pin,
+    PlacedObject,
     PlaneObstacle,
     Plate,
     Reconstruct,
@@ -48,6 +57,7 @@ from phys4dgen.scene.yaml_file import dump_scene, load_scene, scene_keys
 
 __all__ = [
     "ALL_PARTS",
+    "SEPARATOR",
     "AccelerationForce",
     "Attractor",
     "Boundary",
@@ -71,6 +81,7 @@ __all__ = [
     "PartOptions",
     "PerParticleForce",
     "Pin",
+    "PlacedObject",
     "PlaneObstacle",
     "Plate",
     "Reconstruct",
@@ -91,6 +102,10 @@ __all__ = [
     "check_part_names",
     "dump_scene",
     "load_scene",
+    "object_of",
+    "options_by_part",
+    "parts_meant",
     "refuse_impossible_part_names",
     "scene_keys",
+    "scene_of_object",
 ]

@@ -141,6 +141,8 @@ def _below(annotation: Any, step: Any) -> Any:
 def _container(annotation: Any) -> Any:
     """The annotation where keys or positions follow below it (a model, a mapping, a list of models), else None."""
     origin = get_origin(annotation)
+    if origin not in (tuple, dict) and len(models := _models(annotation)) == 1:
+        return models[0]  # a section that may be left out
     is_list_of_models = origin is tuple and any(_models(argument) for argument in get_args(annotation))
     return annotation if _models(annotation) or origin is dict or is_list_of_models else None
 

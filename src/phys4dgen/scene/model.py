@@ -27,25 +27,44 @@ from phys4dgen.scene.sections import (
     Motion,
     Output,
     PartOptions,
+    PlacedObject,
     Reconstruct,
     Select,
     Simulation,
     ViewSet,
 )
 from phys4dgen.scene.sections.models import Clip
-from phys4dgen.scene.sections.values import Auto, AxisName, Direction, FilePath, PartName, Positive, Section, Vector
+from phys4dgen.scene.sections.values import (
+    Auto,
+    AxisName,
+    Direction,
+    FilePath,
+    ObjectName,
+    PartAddress,
+    Positive,
+    Section,
+    Vector,
+)
 from phys4dgen.yaml12 import YamlPath
 
 __all__ = ["Scene", "validated_scene"]
 
 _FPS = 24.0
 
+_OF_ONE_OBJECT = (
+    *("up", "height_m", "longest_m", "select", "reconstruct.mask", "reconstruct.views"),
+    *("grouping.labels_file", "grouping.names", "grouping.named_picture", "grouping.edits"),
+)
+"""Keys that make no sense for all objects alike."""
+
 
 class Scene(Section):
-    """One object, how it is understood, what moves it and what is written."""
+    """One object or several, how they are understood, what moves them and what is written."""
 
-    input: FilePath
-    """a splat, a picture or a mesh; relative to this file"""
+    input: FilePath | None = None
+    """a splat, a picture or a mesh; relative to this file; null: see objects"""
+    objects: dict[ObjectName, PlacedObject] = Field(default_factory=dict)
+    """several inputs by name, each with its pose, instead of input (docs/howto/several-objects.md)"""
     up: AxisName | Direction = "auto"
     """auto, +-x +-y +-z or [x, y, z], in the input's axes"""
     height_m: Auto | Positive = "auto"
@@ -61,8 +80,8 @@ class Scene(Section):
     interior: Interior = Field(default_factory=Interior)
     materials: Materials = Field(default_factory=Materials)
     clip: Clip = Field(default_factory=Clip)
-    parts: dict[PartName, PartOptions] = Field(default_factory=dict)
-    """options by part name"""
+    parts: dict[PartAddress, PartOptions] = Field(default_factory=dict)
+    """options by part name; of several objects by object/part, or by object for all of its parts; all: every part"""
     motion: Motion = Field(default_factory=Motion)
     forces: tuple[Force, ...] = ()
     """what acts besides the motion's own, see docs/forces.md"""
@@ -96,14 +115,44 @@ class Scene(Section):
             raise ValueError("height_m and longest_m both give the size; keep one of them")
         if self.simulation.scale == "paper" and not (self.longest_m is None and self.height_m == "auto"):
             raise ValueError("simulation.scale: paper makes the longest side one; leave height_m and longest_m out")
-        if ALL_PARTS in self.parts:
-            raise ValueError(f"parts: '{ALL_PARTS}' means every part in a force and cannot name a part")
         grounds = sum(isinstance(boundary, Ground) for boundary in self.boundaries)
         if grounds > 1:
             raise ValueError(f"boundaries: one ground is enough, got {grounds}")
         if self.gravity_ms2 != "auto" and self.gravity in ("rest", "off"):
             raise ValueError(f"gravity_ms2 says how strong gravity is, gravity: {self.gravity} that it does not act")
         return self
+
+    @model_validator(mode="after")
+    def _one_or_several(self) -> Scene:
+        if self.input is None and not self.objects:
+            raise ValueError("'input' is missing; add it, or objects for several")
+        if not self.objects:
+            return self
+        if self.input is not None:
+            raise ValueError("input and objects are both given; keep input for one object, objects for several")
+        if ALL_PARTS in self.objects:
+            raise ValueError(f"objects: '{ALL_PARTS}' means every part and cannot name an object")
+        folded = [name.casefold() for name in self.objects]
+        twice = next((name for name in self.objects if folded.count(name.casefold()) > 1), None)
+        if twice is not None:
+            raise ValueError(f"objects: '{twice}' is written twice, in large and in small letters; name one otherwise")
+        for key in _OF_ONE_OBJECT:
+            section, _, last = key.rpartition(".")
+            holder = getattr(self, section) if section else self
+            if getattr(holder, last) != type(holder).model_fields[last].get_default(call_default_factory=True):
+                raise ValueError(f"{key} is of one object; say it below objects.NAME")
+        if self.simulation.scale == "paper":
+            raise ValueError("simulation.scale: paper is for one object; leave it out")
+        if self.motion.preset == "twist" and self.motion.part is None:
+            raise ValueError("motion.part: say which object, or which part of one, is turned")
+        return self
+
+    @property
+    def single_input(self) -> Path:
+        """The input of a scene of one object."""
+        if self.input is None:
+            raise SceneError(f"objects: expected a scene of one object, got {', '.join(self.objects)}.")
+        return self.input
 
     @property
     def frame_count(self) -> int:
@@ -113,7 +162,7 @@ class Scene(Section):
     @property
     def paper_scale(self) -> PaperScale | None:
         """The paper's numbers, where the scene asks for them."""
-        return paper_scale(self.input) if self.simulation.scale == "paper" else None
+        return paper_scale(self.single_input) if self.simulation.scale == "paper" else None
 
     @property
     def fps(self) -> float:
@@ -164,15 +213,17 @@ class Scene(Section):
         materials = self.materials
         if materials.file is not None:
             materials = materials.model_copy(update={"file": folder / materials.file})
-        named = {name: getattr(self.reconstruct, name) for name in ("mask", "matte_model", "checkpoint")}
-        paths: dict[str, Any] = {name: folder / path for name, path in named.items() if path is not None}
-        paths["views"] = tuple(folder / path for path in self.reconstruct.views)
-        sections: dict[str, Any] = {"grouping": self.grouping.with_paths_from(folder), "materials": materials}
-        if self.select.labels_file is not None:
-            sections["select"] = self.select.model_copy(update={"labels_file": folder / self.select.labels_file})
-        sections["clip"] = self.clip.with_paths_from(folder)
-        sections["reconstruct"] = self.reconstruct.model_copy(update=paths)
-        return self.model_copy(update={"input": folder / self.input, **sections})
+        return self.model_copy(
+            update={
+                "input": None if self.input is None else folder / self.input,
+                "objects": {name: placed.with_paths_from(folder) for name, placed in self.objects.items()},
+                "reconstruct": self.reconstruct.with_paths_from(folder),
+                "select": self.select.with_paths_from(folder),
+                "grouping": self.grouping.with_paths_from(folder),
+                "materials": materials,
+                "clip": self.clip.with_paths_from(folder),
+            }
+        )
 
 
 def validated_scene(tree: Any, *, source: str, places: Mapping[YamlPath, str]) -> Scene:

@@ -19,6 +19,9 @@ from phys4dgen.upright import guess_up
 
 __all__ = ["Asset", "load"]
 
+_MOST_CELLS = 512
+"""As of ``simulation.grid``."""
+
 
 @dataclass(frozen=True, eq=False)
 class Asset:
@@ -74,15 +77,20 @@ class Asset:
 
 
 def load(scene: Scene, source: Source, progress: Progress) -> Asset:
-    """Decide which way is up and how large the object is."""
+    """Decide which way is up and how large the object is; several together are in metres with z up already."""
     gaussians = source.gaussians
+    if source.cell_m is not None:
+        lower, upper = gaussians.robust_bounds()
+        return Asset(gaussians, Frame(np.eye(3), 1.0), lower, upper, source.cell_m)
     if source.surroundings is not None:
         progress.note(f"{len(gaussians)} of {len(source.surroundings.whole)} Gaussians are the object; the rest rests.")
     rotation = rotation_to_z_up(_up_vector(scene, source, progress))
     lower, upper = gaussians.robust_bounds(rotation=rotation)
     extent = upper - lower
     if not (extent > 0).all():
-        raise SceneError(f"{scene.input}: expected an object with a volume, got an extent of {extent.tolist()} units.")
+        raise SceneError(
+            f"{scene.single_input}: expected an object with a volume, got an extent of {extent.tolist()} units."
+        )
     paper = scene.paper_scale
     if paper is not None:
         metres_per_unit = 1 / extent.max()
@@ -94,7 +102,14 @@ def load(scene: Scene, source: Source, progress: Progress) -> Asset:
         metres_per_unit = (0.3 if isinstance(scene.height_m, str) else scene.height_m) / extent[2]
     frame = Frame(rotation, float(metres_per_unit))
     grid = scene.simulation.grid
-    if isinstance(grid, str) and paper is not None:
+    if scene.simulation.cell_m is not None:
+        grid = float(extent.max()) * frame.metres_per_unit / scene.simulation.cell_m
+        if grid > _MOST_CELLS:
+            raise SceneError(
+                f"simulation.cell_m: {scene.simulation.cell_m:g} m would cut the object into {grid:.0f} cells along "
+                f"its longest side, {_MOST_CELLS} at most are possible; give a larger cell."
+            )
+    elif isinstance(grid, str) and paper is not None:
         grid = paper.grid
     elif isinstance(grid, str):
         enough = MOST_PARTICLES if source.solid is None else MOST_PARTICLES_OF_A_GUESS

@@ -6,7 +6,7 @@ from phys4dgen.errors import SceneError, did_you_mean
 from phys4dgen.interior import Interior, discover_interior, with_thickness
 from phys4dgen.materials.library import find_entry
 from phys4dgen.progress import Progress
-from phys4dgen.scene import Scene
+from phys4dgen.scene import PartOptions, Scene, options_by_part
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.views import rendered
 from phys4dgen.types import Continuum, MaterialBook, Parts
@@ -63,7 +63,7 @@ def _given_thickness(scene: Scene, parts: Parts) -> dict[int, float]:
     """Thickness that the user gave, by part number: of sheets and rods, and of the wall of a vessel."""
     return {
         parts.names.index(name): options.thickness_m
-        for name, options in scene.parts.items()
+        for name, options in options_by_part(scene, parts.names).items()
         if options.thickness_m is not None
     }
 
@@ -80,14 +80,13 @@ def _hollow_walls(scene: Scene, parts: Parts) -> dict[int, float]:
         if isinstance(wall, bool):
             if not wall:
                 continue
-            wall = _usual_wall(scene, name)
+            wall = _usual_wall(name, options_by_part(scene, parts.names).get(name))
         walls[parts.names.index(name)] = wall
     return walls
 
 
-def _usual_wall(scene: Scene, name: str) -> float:
+def _usual_wall(name: str, options: PartOptions | None) -> float:
     """Wall thickness of a part of which the scene only says that it is hollow, metres."""
-    options = scene.parts.get(name)
     entry = find_entry(options.material) if options is not None and options.material is not None else None
     if options is not None and options.thickness_m is not None:
         return options.thickness_m

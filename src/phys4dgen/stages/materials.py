@@ -14,7 +14,7 @@ from phys4dgen.errors import Phys4DGenError
 from phys4dgen.interior import Interior
 from phys4dgen.materials import assemble_book, identify_by_rules, material, read_materials
 from phys4dgen.progress import Progress
-from phys4dgen.scene import Scene
+from phys4dgen.scene import Scene, options_by_part
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.reconstruct import Source
 from phys4dgen.types import MaterialBook, PartMaterials, Parts
@@ -22,7 +22,7 @@ from phys4dgen.types import MaterialBook, PartMaterials, Parts
 if TYPE_CHECKING:
     from phys4dgen.materials.mllm import Asking, Endpoint, Identification, SubImages
 
-__all__ = ["asking", "identify", "model_endpoint", "pictures_for_model"]
+__all__ = ["as_told", "asking", "identify", "model_endpoint", "pictures_for_model"]
 
 _TOKENS_PER_SAMPLE = 40_000
 _REQUESTS_PER_SAMPLE = 4
@@ -54,9 +54,19 @@ def identify(
         identified = _by_clip(scene, source, asset, parts, identified, run / _ANSWERS, progress)
     elif wanted.backend == "command":
         identified = _by_command(scene, parts, identified, run, progress)
+    book = as_told(scene, parts, identified)
+    for name, entry in book.parts.items():
+        for warning in dict.fromkeys((*entry.surface.warnings, *entry.interior.warnings)):
+            progress.warn(f"Material of part '{name}': {warning}.")
+    return book
+
+
+def as_told(scene: Scene, parts: Parts, identified: MaterialBook) -> MaterialBook:
+    """The materials with what the scene and its materials file say of single parts in place of what was identified."""
+    wanted = scene.materials
     from_file = None if wanted.file is None else read_materials(wanted.file, parts.names)
-    options = scene.parts
-    book = assemble_book(
+    options = options_by_part(scene, parts.names)
+    return assemble_book(
         parts.names,
         identified,
         from_file=from_file,
@@ -64,10 +74,6 @@ def identify(
         interior={name: o.interior_material for name, o in options.items() if o.interior_material is not None},
         thickness_m={name: o.thickness_m for name, o in options.items() if o.thickness_m is not None},
     )
-    for name, entry in book.parts.items():
-        for warning in dict.fromkeys((*entry.surface.warnings, *entry.interior.warnings)):
-            progress.warn(f"Material of part '{name}': {warning}.")
-    return book
 
 
 def _by_model(

@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.animate import Animator, skin
+from phys4dgen.animate import Animator
 from phys4dgen.body import Assembly
 from phys4dgen.interior import Interior, welded_share
 from phys4dgen.motion import Held
 from phys4dgen.mpm import Simulator, changed_body
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Scene
+from phys4dgen.stages.apart import skin_by_object
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.courant import tell_courant_numbers
 from phys4dgen.stages.interior import settled_thickness
@@ -105,7 +106,7 @@ def _tell_what_differs(
 
 def _animator(asset: Asset, parts: Parts, continuum: Continuum, held: Held, loose: NDArray[np.bool_]) -> Animator:
     held_parts = [parts.names.index(name) for name in held.parts]
-    skinning = skin(asset.gaussians, parts.labels, continuum, frame=asset.frame, held_parts=held_parts)
+    skinning = skin_by_object(asset, parts, continuum, held_parts=held_parts)
     return Animator(asset.gaussians, skinning, continuum.positions, loose=loose)
 
 

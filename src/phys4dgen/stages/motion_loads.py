@@ -72,8 +72,10 @@ class LoadMaker:
         return meant(selected, self.continuum, self.parts)
 
     def _selection(self, selected: Any) -> dict[str, Any]:
-        part = None if selected.part == ALL_PARTS else self.parts.names.index(selected.part)
-        return {"part": part, "chosen": None if selected.region is None else self._meant(selected)}
+        if selected.region is None and selected.part in (ALL_PARTS, *self.parts.names):
+            part = None if selected.part == ALL_PARTS else self.parts.names.index(selected.part)
+            return {"part": part, "chosen": None}
+        return {"part": None, "chosen": self._meant(selected)}
 
     def _vector(self, values: Iterable[float]) -> tuple[float, float, float]:
         """A vector in SI units, from the input's axes to z up."""
@@ -186,7 +188,7 @@ def meant(selected: Any, continuum: Continuum, parts: Parts) -> NDArray[np.bool_
     """
     mine = np.ones(len(continuum), np.bool_)
     if selected.part != ALL_PARTS:
-        mine &= continuum.part == parts.names.index(selected.part)
+        mine &= _of_parts(selected.part, continuum, parts)
     if selected.region is not None:
         mine &= in_region(selected.region, continuum.positions)
         if not mine.any():
@@ -201,9 +203,10 @@ def meant(selected: Any, continuum: Continuum, parts: Parts) -> NDArray[np.bool_
 _DRIVING = (sections.VelocitySet, sections.RotationSet)
 
 
-def told_parts(forces: Iterable[sections.Force]) -> set[str]:
+def told_parts(forces: Iterable[sections.Force], parts: Parts) -> set[str]:
     """Parts whose velocity a force sets, as a whole; they are not held by themselves."""
-    return {f.part for f in forces if isinstance(f, _DRIVING) and f.part != ALL_PARTS and f.region is None}
+    told = [f.part for f in forces if isinstance(f, _DRIVING) and f.part != ALL_PARTS and f.region is None]
+    return {part for name in told for part in sections.parts_meant(name, parts.names)}
 
 
 def is_lasting(pin: sections.Pin) -> bool:
@@ -227,6 +230,11 @@ def in_region(region: sections.Region, points: NDArray[np.floating]) -> NDArray[
             return (np.abs(along) <= region.height / 2) & (across <= region.radius)
 
 
+def _of_parts(name: str, continuum: Continuum, parts: Parts) -> NDArray[np.bool_]:
+    """Particles of a part, or of all parts of an object, [P]."""
+    return np.isin(continuum.part, [parts.names.index(part) for part in sections.parts_meant(name, parts.names)])
+
+
 def _end(to_s: float | None) -> float:
     return math.inf if to_s is None else to_s
 
@@ -239,6 +247,6 @@ def _shown_area_m2(points_m: NDArray[np.float64], view: NDArray[np.float64], ste
 
 
 def _span(continuum: Continuum, parts: Parts, part: str) -> str:
-    mine = slice(None) if part == ALL_PARTS else continuum.part == parts.names.index(part)
+    mine = _of_parts(part, continuum, parts)
     low, high = continuum.positions[mine].min(0), continuum.positions[mine].max(0)
     return f"[{', '.join(f'{v:.3g}' for v in low)}] to [{', '.join(f'{v:.3g}' for v in high)}]"

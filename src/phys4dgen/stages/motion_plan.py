@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from phys4dgen.body import Assembly, assemble_body
 from phys4dgen.errors import SimulationError
-from phys4dgen.joints import bonded_to_held, rigid_bodies
 from phys4dgen.motion import (
     Held,
     ProbeResult,
-    choose_held,
     damped_drop_per_s,
     damping_per_s,
     gust,
@@ -26,7 +24,8 @@ from phys4dgen.mpm import Body, Drive, Ground, Settings, stiff_parts
 from phys4dgen.mpm.loads import Load
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Ground as GroundOptions
-from phys4dgen.scene import Scene
+from phys4dgen.scene import Scene, options_by_part
+from phys4dgen.stages.apart import bonded_by_object, held_by_object, rigid_by_object, starting_velocities
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.motion_changes import material_changes
 from phys4dgen.stages.motion_facts import MotionFacts, RigidPart
@@ -95,16 +94,19 @@ def plan_motion(
     """
     given = _Given(scene, asset, parts, continuum, book, progress)
     asked = scene.motion.preset
-    if asked == "auto" and not acts_by_itself(scene):
+    why = ""
+    if asked == "auto" and scene.objects:
+        asked, why = ("rest", "") if scene.gravity in ("rest", "off") else ("drop", "drop, as with several objects")
+    elif asked == "auto" and not acts_by_itself(scene):
         return _sway_or_drop(given)
     prepared = _prepare(given, "rest" if asked == "auto" else asked)
     if prepared.held.particles.all():
         raise SimulationError(
             f"Every part is held ({prepared.held.reason}); free one with 'parts: {{NAME: {{hold: free}}}}'."
         )
-    swings = asked == "sway" or (prepared.around.preset == "rest" and acts_by_itself(scene))
+    swings = asked == "sway" or (prepared.around.preset == "rest" and acts_by_itself(scene) and not scene.objects)
     probe = _probe(given, prepared) if swings and prepared.held.particles.any() else None
-    return _finish(given, prepared, probe, why="")
+    return _finish(given, prepared, probe, why=why)
 
 
 def _sway_or_drop(given: _Given) -> Plan:
@@ -140,25 +142,22 @@ def _first_to_yield(given: _Given, assembly: Assembly, probe: ProbeResult, stren
 def _prepare(given: _Given, preset: str) -> _Prepared:
     """Decide what is held and what is rigid; parts too stiff for the budget become rigid one after the other."""
     scene, asset, parts, continuum = given.scene, given.asset, given.parts, given.continuum
-    options = {name: choice.hold for name, choice in scene.parts.items()}
+    options = {name: choice.hold for name, choice in options_by_part(scene, parts.names).items()}
     around = circumstances(scene, asset, parts, given.book, preset)
-    named = {name: "free" for name in told_parts(scene.forces)}
+    named = {name: "free" for name in told_parts(scene.forces, parts)}
     named |= {name: hold for name, hold in options.items() if hold != "auto"}
-    held = choose_held(
+    held = held_by_object(
         continuum,
         parts,
-        frame=asset.frame,
+        asset,
         holds=named,
         automatic=around.holds_what_stands,
         lowest_share=around.lowest_share,
     )
     held = _with_pinned(held, parts, continuum, pinned(around.boundaries, continuum, parts))
     reasons = {parts.names.index(name): "as asked for" for name, hold in options.items() if hold == "rigid"}
-    rest_m = asset.frame.to_metres(continuum.positions)
     while True:
-        body_of, stuck = rigid_bodies(
-            rest_m, continuum.part, rigid_parts=reasons, held=held.particles, cell_m=asset.cell_m
-        )
+        body_of, stuck = rigid_by_object(continuum, parts, asset, rigid_parts=list(reasons), held=held.particles)
         clamped = _with_stuck(held, continuum, parts, stuck)
         assembly = _assembled(given, clamped, body_of)
         settings = _settings(given, around, clamped, assembly.body)
@@ -221,14 +220,14 @@ def _assembled(given: _Given, held: Held, body_of: NDArray[np.int32]) -> Assembl
         rigid_wave_speed_ms=speed_per_substep * scene.simulation.substep_limit,
         fps=scene.fps,
     )
-    pieces = np.stack([continuum.part, continuum.piece], 1)
-    bonded = bonded_to_held(
-        asset.frame.to_metres(continuum.positions),
-        held.particles,
-        piece=np.unique(pieces, axis=0, return_inverse=True)[1].reshape(-1),
-        cell_m=asset.cell_m,
+    body = replace(
+        assembly.body,
+        rigid_group=body_of,
+        bonded_to_held=bonded_by_object(continuum, given.parts, asset, held=held.particles),
+        velocities_ms=starting_velocities(scene, given.parts, continuum, asset, mass_kg=assembly.mass_kg)
+        * ~held.particles[:, None],
     )
-    return replace(assembly, body=replace(assembly.body, rigid_group=body_of, bonded_to_held=bonded))
+    return replace(assembly, body=body)
 
 
 # ------------------------------------------------------------------------------------------------ loads
@@ -241,7 +240,7 @@ def _settings(given: _Given, around: Circumstances, held: Held, body: Body) -> S
     margin_m = 0.5 * continuum.spacing_m
     if ground is not None:
         lowest_m = float(body.positions_m[~held.particles, 2].min(initial=math.inf))
-        below_m = _ground_below_m(scene, asset, around.preset, ground)
+        below_m = _ground_below_m(scene, asset, around.preset, ground, lowest_m=lowest_m - margin_m)
         plane = Ground(
             height_m=lowest_m - margin_m - below_m,
             contact=ground.contact,
@@ -272,9 +271,12 @@ def _solids(given: _Given, around: Circumstances) -> tuple[Solid, ...]:
     return maker.solids(around.boundaries)
 
 
-def _ground_below_m(scene: Scene, asset: Asset, preset: str, ground: GroundOptions) -> float:
+def _ground_below_m(scene: Scene, asset: Asset, preset: str, ground: GroundOptions, *, lowest_m: float) -> float:
+    """From the lowest point that may move down to the ground."""
     if not isinstance(ground.below_m, str):
         return ground.below_m
+    if scene.objects:  # their positions are heights above the ground
+        return max(lowest_m, 0.0) if math.isfinite(lowest_m) else 0.0
     return scene.motion.drop_height_rel * asset.height_m if preset == "drop" else 0.0
 
 
@@ -310,7 +312,9 @@ def _finish(given: _Given, prepared: _Prepared, probe: ProbeResult | None, *, wh
     assert bonded is not None
     facts.touching_particles = int((~bonded).sum())
     if around.ground is not None:
-        facts.ground_below_m = _ground_below_m(scene, asset, preset, around.ground)
+        moving_m = prepared.assembly.body.positions_m[~held.particles, 2]
+        lowest_m = float(moving_m.min()) - 0.5 * given.continuum.spacing_m
+        facts.ground_below_m = _ground_below_m(scene, asset, preset, around.ground, lowest_m=lowest_m)
     if settings.ground is not None:
         facts.ground_height_m = settings.ground.height_m
     facts.obstacles = drawn_obstacles(_solids(given, around), asset.frame)
@@ -321,7 +325,7 @@ def _finish(given: _Given, prepared: _Prepared, probe: ProbeResult | None, *, wh
         facts.frequency_hz = probe.frequency_hz
         facts.damping_per_s = damping_per_s(scene.simulation.damping_ratio, probe.frequency_hz)
         _warn_of_sag(facts, probe, asset, progress)
-    elif preset != "rest" or acts_by_itself(scene):
+    elif not scene.objects and (preset != "rest" or acts_by_itself(scene)):  # several move by and against each other
         facts.damping_per_s = damped_drop_per_s(scene.simulation.damping_ratio)
     if preset == "sway" and probe is not None:
         wind, asked = _wind_up(scene, asset), scene.motion.acceleration_ms2

@@ -25,6 +25,7 @@ from phys4dgen.scene import (
     RotationSet,
     Scene,
     VelocitySet,
+    parts_meant,
 )
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.motion_changes import melting
@@ -92,11 +93,12 @@ def circumstances(scene: Scene, asset: Asset, parts: Parts, book: MaterialBook, 
         # without weight nothing but the ground keeps what is pressed from jumping off when it is let go
         glued = Ground(friction=_PRESS_FRICTION, contact="sticky")
         boundaries = (*boundaries, glued if preset == "press" else Ground())
-    changes = scene.changes
+    meant = [(change, name) for change in scene.changes for name in parts_meant(change.part, parts.names)]
+    changes = tuple(change.model_copy(update={"part": name}) for change, name in meant)
     if preset == "melt":
-        part = _melting_part(scene, parts)
-        density_kgm3 = book.parts[part].interior.density_kgm3
-        changes = (*changes, melting(scene, part, density_kgm3, asset.height_m))
+        for part in _melting_parts(scene, parts):
+            density_kgm3 = book.parts[part].interior.density_kgm3
+            changes = (*changes, melting(scene, part, density_kgm3, asset.height_m))
     gravity = scene.gravity
     if gravity == "auto":
         # what is pressed and not held by its ground jumps when it is let go, and must come down again
@@ -113,11 +115,11 @@ def circumstances(scene: Scene, asset: Asset, parts: Parts, book: MaterialBook, 
     )
 
 
-def _melting_part(scene: Scene, parts: Parts) -> str:
+def _melting_parts(scene: Scene, parts: Parts) -> tuple[str, ...]:
     if scene.motion.part is not None:
-        return scene.motion.part
+        return parts_meant(scene.motion.part, parts.names)
     if parts.count == 1:
-        return parts.names[0]
+        return parts.names
     raise SceneError(f"motion: say what melts with 'part' (--motion.part NAME): {', '.join(parts.names)}.")
 
 
@@ -143,7 +145,7 @@ def _holds_what_stands(scene: Scene, preset: str, gravity: str) -> bool:
     """Something must keep the object in the film, unless it lies on something or all of it is told where to go."""
     if preset in ("sway", "twist"):
         return True
-    if preset != "rest" or not acts_by_itself(scene):
+    if preset != "rest" or scene.objects or not acts_by_itself(scene):
         return False
     carrying = (Ground, PlaneObstacle, Container, Pin, Release)
     if gravity == "on" and any(isinstance(boundary, carrying) for boundary in scene.boundaries):
@@ -179,7 +181,7 @@ def twist(
         low, high = points_m[:, 2].min(), points_m[:, 2].max()
         chosen = points_m[:, 2] > high - _TWISTED_TOP * (high - low)
     else:
-        chosen = part == part_names.index(name)
+        chosen = np.isin(part, [part_names.index(own) for own in parts_meant(name, part_names)])
     chosen = chosen & ~held
     if not chosen.any():
         raise SceneError(f"motion.part: '{name or 'the top'}' is held and cannot be twisted; free it or name another.")

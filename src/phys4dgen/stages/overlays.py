@@ -28,6 +28,7 @@ from phys4dgen.scene import (
     TotalForce,
     VelocitySet,
     Wind,
+    parts_meant,
 )
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.motion import Motion
@@ -214,7 +215,8 @@ class _Forces:
         asset = self.inputs.asset
         pushed = ~self._held
         if push.part is not None:
-            pushed = self.inputs.parts.labels == self.inputs.parts.names.index(push.part)
+            names = self.inputs.parts.names
+            pushed = np.isin(self.inputs.parts.labels, [names.index(part) for part in parts_meant(push.part, names)])
         pushed &= asset.gaussians.opacities > 0.1
         points = (positions[pushed] if pushed.any() else positions).astype(np.float64)
         direction = push.direction

@@ -39,6 +39,7 @@ class Source:
         solid: exact inside test, where the maker knows it.
         even_colors: colours freed of the picture's light, shape [N, 3], where the maker knows them.
         surroundings: the scene that the Gaussians were selected from; None where they are the whole input.
+        cell_m: grid cell of the simulation, where the Gaussians are several objects in metres, z up; else None.
     """
 
     gaussians: Gaussians
@@ -49,6 +50,7 @@ class Source:
     solid: InflatedSolid | None = None
     even_colors: NDArray[np.float32] | None = None
     surroundings: Surroundings | None = None
+    cell_m: float | None = None
 
 
 def reconstruct(scene: Scene, progress: Progress) -> Source:
@@ -57,11 +59,12 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
     Raises:
         SceneError: part of something else than a splat is selected, or nothing.
     """
-    if not scene.select.selects_all and (is_mesh(scene.input) or is_picture(scene.input)):
-        raise SceneError(f"select: expected a captured splat to choose from, got '{scene.input.name}'; remove select.")
-    if is_mesh(scene.input):
+    path = scene.single_input
+    if not scene.select.selects_all and (is_mesh(path) or is_picture(path)):
+        raise SceneError(f"select: expected a captured splat to choose from, got '{path.name}'; remove select.")
+    if is_mesh(path):
         return _from_mesh(scene)
-    if not is_picture(scene.input):
+    if not is_picture(path):
         return source_of_splat(scene)
     from phys4dgen.reconstruct.foreground import cut_out
     from phys4dgen.reconstruct.inflate import InflatedSolid, InflateOptions, inflate
@@ -69,7 +72,7 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
     chosen = scene.reconstruct
     if _takes_lgm(scene, progress):
         return _by_lgm(scene, progress)
-    cutout = cut_out(scene.input, mask=chosen.mask, matte_model=chosen.matte_model)
+    cutout = cut_out(path, mask=chosen.mask, matte_model=chosen.matte_model)
     progress.note(f"The object was cut out of the picture by {cutout.source}.")
     if chosen.backend == "command":
         from phys4dgen.reconstruct.command import reconstruct_by_command
@@ -99,7 +102,7 @@ def reconstruct(scene: Scene, progress: Progress) -> Source:
 
 def source_of_splat(scene: Scene) -> Source:
     """A splat as it lies there, or what the scene selects of it."""
-    whole = load_gaussians(scene.input)
+    whole = load_gaussians(scene.single_input)
     surroundings = surroundings_of(scene, whole)
     if surroundings is None:
         return Source(whole, "splat as given")
@@ -110,8 +113,8 @@ def _from_mesh(scene: Scene) -> Source:
     """Gaussians in the surface of a mesh; glTF says that y is up, the other formats do not say."""
     from phys4dgen.reconstruct.mesh.gaussians import gaussians_from_mesh
 
-    gaussians = gaussians_from_mesh(scene.input, count=scene.reconstruct.mesh_gaussians)
-    up = _Y_UP if scene.input.suffix.lower() == ".glb" else None
+    gaussians = gaussians_from_mesh(scene.single_input, count=scene.reconstruct.mesh_gaussians)
+    up = _Y_UP if scene.single_input.suffix.lower() == ".glb" else None
     return Source(gaussians, "mesh, its surface sampled", up=up)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,3 +71,8 @@ class Continuum:
 
     def __len__(self) -> int:
         return len(self.positions)
+
+    def subset(self, chosen: NDArray[np.bool_]) -> Continuum:
+        """The particles that a mask [P] selects, in their order; all numbers in them stay."""
+        arrays = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name != "spacing_m"}
+        return Continuum(**{name: array[chosen] for name, array in arrays.items()}, spacing_m=self.spacing_m)

@@ -32,6 +32,7 @@ from phys4dgen.scene.sections.grouping import Grouping, PartEdit
 from phys4dgen.scene.sections.interior import Interior
 from phys4dgen.scene.sections.materials import Materials
 from phys4dgen.scene.sections.motion import Motion
+from phys4dgen.scene.sections.objects import PlacedObject
 from phys4dgen.scene.sections.output import Output, Video
 from phys4dgen.scene.sections.parts import PartOptions
 from phys4dgen.scene.sections.reconstruct import Reconstruct
@@ -66,6 +67,7 @@ __all__ = [
     "PartOptions",
     "PerParticleForce",
     "Pin",
+    "PlacedObject",
     "PlaneObstacle",
     "Plate",
     "Reconstruct",

@@ -16,7 +16,7 @@ from phys4dgen.scene.sections.values import (
     Auto,
     Direction,
     Length,
-    PartName,
+    PartAddress,
     Section,
     Vector,
     as_tuple,
@@ -205,7 +205,7 @@ class Pin(Section):
 
     kind: Literal["pin"] = "pin"
     """pin: a part or a region that is held in the air"""
-    part: PartName = ALL_PARTS
+    part: PartAddress = ALL_PARTS
     """name of a part, or all"""
     region: Region | None = None
     """only what lies in it at rest; null: everywhere"""
@@ -225,7 +225,7 @@ class Release(Section):
 
     kind: Literal["release"] = "release"
     """release: held at first, let go layer by layer"""
-    part: PartName = ALL_PARTS
+    part: PartAddress = ALL_PARTS
     """name of a part, or all"""
     region: Region | None = None
     """only what lies in it at rest; null: everywhere"""

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from phys4dgen.scene.sections.values import PartName, Section
+from phys4dgen.scene.sections.values import PartAddress, Section
 
 __all__ = ["MaterialChange"]
 
@@ -21,7 +21,7 @@ def _floats(value: Any) -> Any:
 class MaterialChange(Section):
     """A part that becomes something else; its mass stays."""
 
-    part: PartName
+    part: PartAddress
     """name of the part"""
     from_s: Annotated[float, Field(ge=0, le=1e6)] = 0.0
     """when it begins"""

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Tag, model_validator
 
 from phys4dgen.scene.sections.regions import Region
-from phys4dgen.scene.sections.values import ALL_PARTS, Auto, Direction, Length, PartName, Section, Vector, kind_of
+from phys4dgen.scene.sections.values import ALL_PARTS, Auto, Direction, Length, PartAddress, Section, Vector, kind_of
 
 __all__ = [
     "AccelerationForce",
@@ -35,7 +35,7 @@ class _Selected(Section):
 
     kind: Any
     """which"""
-    part: PartName = ALL_PARTS
+    part: PartAddress = ALL_PARTS
     """name of a part, or all"""
     region: Region | None = None
     """only what lies in it at rest; null: everywhere"""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from phys4dgen.scene.sections.values import Auto, PartName, Section
+from phys4dgen.scene.sections.values import Auto, PartAddress, Section
 
 __all__ = ["Interior"]
 
@@ -29,6 +29,6 @@ class Interior(Section):
     """auto: exact where the reconstruction knows the inside, else ipsd; ipsd: carve by masks and depths (the paper's);
     winding: fill by the winding number; both: what they agree on; none: nothing inside, a skin of one layer of
     particles (the paper's ablation)"""
-    hollow: dict[PartName, bool | Annotated[float, Field(gt=0, lt=1)]] = Field(default_factory=dict)
+    hollow: dict[PartAddress, bool | Annotated[float, Field(gt=0, lt=1)]] = Field(default_factory=dict)
     """parts of which only a wall is filled: its thickness in metres; true: as parts.NAME.thickness_m, else as usual
     for parts.NAME.material"""

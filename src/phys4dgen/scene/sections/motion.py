@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from phys4dgen.scene.sections.values import Auto, Direction, PartName, Positive, Section
+from phys4dgen.scene.sections.values import Auto, Direction, PartAddress, Positive, Section
 
 __all__ = ["Motion"]
 
@@ -18,7 +18,7 @@ class Motion(Section):
     """sway: a gust on what is not held; drop: falls on a ground; press: a plate comes from above and goes back; twist:
     the top is turned and let go; melt: a part becomes fluid; rest: nothing; auto: rest where forces or solid boundaries
     are given, else sway if a gust of 3 g is enough for it and breaks nothing, else drop"""
-    part: PartName | None = None
+    part: PartAddress | None = None
     """of melt: what melts; of twist: what is turned, null: the highest fifth"""
     wind: Auto | Direction = "auto"
     """direction of the gust in the input's axes; auto: horizontal"""

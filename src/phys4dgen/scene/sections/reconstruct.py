@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -61,3 +62,10 @@ class Reconstruct(Section):
         if self.backend != "command" and self.argv:
             raise ValueError(f"argv is given but backend is '{self.backend}'; choose 'command'")
         return self
+
+    def with_paths_from(self, folder: Path) -> Reconstruct:
+        """A copy whose relative paths are taken from ``folder``."""
+        named = {name: getattr(self, name) for name in ("mask", "matte_model", "checkpoint")}
+        paths: dict[str, Any] = {name: folder / path for name, path in named.items() if path is not None}
+        paths["views"] = tuple(folder / path for path in self.views)
+        return self.model_copy(update=paths)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, model_validator
@@ -66,3 +67,9 @@ class Select(Section):
     def selects_all(self) -> bool:
         """Nothing is said, so that everything is the object."""
         return self.box is None and self.sphere is None and self.labels_file is None
+
+    def with_paths_from(self, folder: Path) -> Select:
+        """A copy whose relative paths are taken from ``folder``."""
+        if self.labels_file is None:
+            return self
+        return self.model_copy(update={"labels_file": folder / self.labels_file})

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from phys4dgen.scene.sections.values import Auto, Section
+from phys4dgen.scene.sections.values import Auto, Positive, Section
 
 __all__ = ["Simulation"]
 
@@ -15,7 +15,10 @@ class Simulation(Section):
     """The Material Point Method (Paper: Sec. 3.5)."""
 
     grid: Auto | Annotated[int, Field(ge=8, le=512)] = "auto"
-    """cells along the object's longest side; auto: 64, fewer where a massive object would take too many particles"""
+    """cells along the longest side of the object, of several the largest; auto: 64, fewer where a massive object would
+    take too many particles; of several objects so many along the smallest"""
+    cell_m: Positive | None = None
+    """edge of a grid cell in metres, instead of grid"""
     scale: Literal["metres", "paper"] = "metres"
     """metres: the object's real size; paper: a unit object in a cube of side 2 with 50 (picture) or 64 cells, frames of
     714 or 400 substeps of 5e-5 s; what is auto then follows the paper"""
@@ -37,3 +40,9 @@ class Simulation(Section):
     """auto: all cores; at a given number of chunks the result does not depend on it"""
     chunks: Auto | Annotated[int, Field(ge=1, le=1024)] = "auto"
     """groups of particles that are summed apart, which fixes the order of summation; auto: the number of threads"""
+
+    @model_validator(mode="after")
+    def _one_cell(self) -> Simulation:
+        if self.cell_m is not None and self.grid != "auto":
+            raise ValueError("grid and cell_m both say how large a cell is; keep one of them")
+        return self

@@ -16,6 +16,8 @@ __all__ = [
     "Direction",
     "FilePath",
     "Length",
+    "ObjectName",
+    "PartAddress",
     "PartName",
     "Positive",
     "Section",
@@ -66,6 +68,10 @@ FilePath = Annotated[
     PlainSerializer(lambda value: value.as_posix(), return_type=str),
 ]
 PartName = Annotated[str, Field(pattern=r"^[^\W\d][\w -]{0,63}$")]
+ObjectName = Annotated[str, Field(pattern=r"^[^\W\d][\w-]{0,63}$")]
+"""Of one of several objects; also the name of a folder."""
+PartAddress = Annotated[str, Field(pattern=r"^[^\W\d][\w -]{0,63}(/[^\W\d][\w -]{0,63})?$")]
+"""A part; where there are several objects ``object/part``, or the name of an object for all of its parts."""
 SeedPoints = Annotated[tuple[Vector, ...], BeforeValidator(as_tuple), Field(min_length=1, max_length=100)]
 Auto = Literal["auto"]
 AxisName = Literal["auto", "x", "+x", "-x", "y", "+y", "-y", "z", "+z", "-z"]

@@ -1,0 +1,149 @@
+"""What may not cross from one object to another: joints, clamps, skin, and who is held by itself.
+
+Objects that touch share the grid and nothing else. Where there is one object alone, it is all there is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from phys4dgen.animate import Skin, skin
+from phys4dgen.joints import bonded_to_held, rigid_bodies
+from phys4dgen.motion import Held, choose_held
+from phys4dgen.scene import Scene, object_of
+from phys4dgen.stages.asset import Asset
+from phys4dgen.types import Continuum, Parts
+
+__all__ = [
+    "Apart",
+    "bonded_by_object",
+    "held_by_object",
+    "objects_apart",
+    "rigid_by_object",
+    "skin_by_object",
+    "starting_velocities",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """One object among several.
+
+    Attributes:
+        name: of the object; empty where it is the only one.
+        numbers: of its parts, ascending.
+        particles: those that are its own, [P], bool.
+    """
+
+    name: str
+    numbers: NDArray[np.intp]
+    particles: NDArray[np.bool_]
+
+
+def objects_apart(parts: Parts, continuum: Continuum) -> tuple[Apart, ...]:
+    """The objects that there are, in the order of their parts."""
+    owners = [object_of(name) for name in parts.names]
+    found = []
+    for name in dict.fromkeys(owners):
+        numbers = np.flatnonzero([owner == name for owner in owners])
+        found.append(Apart(name, numbers, np.isin(continuum.part, numbers)))
+    return tuple(found)
+
+
+def held_by_object(
+    continuum: Continuum, parts: Parts, asset: Asset, *, holds: Mapping[str, str], automatic: bool, lowest_share: float
+) -> Held:
+    """``choose_held`` for each object by itself."""
+    particles = np.zeros(len(continuum), np.bool_)
+    names: list[str] = []
+    reasons: list[str] = []
+    for own in objects_apart(parts, continuum):
+        mine = np.isin(parts.labels, own.numbers)
+        labels = np.searchsorted(own.numbers, parts.labels[mine]).astype(np.int32)
+        own_parts = Parts(labels, tuple(parts.names[number] for number in own.numbers), parts.backend)
+        points = continuum.subset(own.particles)
+        points = replace(points, part=np.searchsorted(own.numbers, points.part).astype(np.int32))
+        held = choose_held(
+            points,
+            own_parts,
+            frame=asset.frame,
+            holds={name: hold for name, hold in holds.items() if name in own_parts.names},
+            automatic=automatic,
+            lowest_share=lowest_share,
+        )
+        particles[own.particles] = held.particles
+        names += held.parts
+        reasons.append(f"{own.name}: {held.reason}" if own.name else held.reason)
+    return Held(particles, tuple(names), "; ".join(reasons))
+
+
+def rigid_by_object(
+    continuum: Continuum, parts: Parts, asset: Asset, *, rigid_parts: list[int], held: NDArray[np.bool_]
+) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """``rigid_bodies`` for each object by itself: two that touch are never one body, nor held by one another."""
+    rest_m = asset.frame.to_metres(continuum.positions)
+    body, stuck = np.full(len(continuum), -1, np.int32), np.zeros(len(continuum), np.bool_)
+    for own in objects_apart(parts, continuum):
+        mine = own.particles
+        bodies, stuck[mine] = rigid_bodies(
+            rest_m[mine], continuum.part[mine], rigid_parts=rigid_parts, held=held[mine], cell_m=asset.cell_m
+        )
+        body[mine] = np.where(bodies < 0, -1, bodies + body.max() + 1)
+    return body, stuck
+
+
+def bonded_by_object(continuum: Continuum, parts: Parts, asset: Asset, *, held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """``bonded_to_held`` for each object by itself; what is near another object's held matter only touches it."""
+    rest_m = asset.frame.to_metres(continuum.positions)
+    pieces = np.stack([continuum.part, continuum.piece], 1)
+    piece = np.unique(pieces, axis=0, return_inverse=True)[1].reshape(-1)
+    bonded = np.ones(len(continuum), np.bool_)
+    for own in objects_apart(parts, continuum):
+        mine = own.particles
+        anything_held = bool(held[mine].any()) or not held.any()
+        bonded[mine] = anything_held
+        if anything_held:
+            bonded[mine] = bonded_to_held(rest_m[mine], held[mine], piece=piece[mine], cell_m=asset.cell_m)
+    return bonded
+
+
+def skin_by_object(asset: Asset, parts: Parts, continuum: Continuum, *, held_parts: list[int]) -> Skin:
+    """``skin`` for each object by itself, so that none carries Gaussians of another."""
+    objects = objects_apart(parts, continuum)
+    if len(objects) == 1:
+        return skin(asset.gaussians, parts.labels, continuum, frame=asset.frame, held_parts=held_parts)
+    joined: dict[str, NDArray[Any]] = {}
+    for own in objects:
+        rows, members = np.flatnonzero(np.isin(parts.labels, own.numbers)), np.flatnonzero(own.particles)
+        points = continuum.subset(own.particles)
+        itself = np.where(points.gaussian_index < 0, -1, np.searchsorted(rows, points.gaussian_index))
+        points = replace(points, gaussian_index=itself)
+        found = skin(asset.gaussians.subset(rows), parts.labels[rows], points, frame=asset.frame, held_parts=held_parts)
+        for entry in fields(Skin):
+            values = getattr(found, entry.name)
+            whole = joined.setdefault(entry.name, np.zeros((len(asset.gaussians), *values.shape[1:]), values.dtype))
+            whole[rows] = members[values] if entry.name == "particles" else values
+    return Skin(**joined)
+
+
+def starting_velocities(
+    scene: Scene, parts: Parts, continuum: Continuum, asset: Asset, *, mass_kg: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Velocity with which each particle starts, metres per second, z up, [P, 3]."""
+    rest_m = asset.frame.to_metres(continuum.positions)
+    velocities = np.zeros((len(continuum), 3))
+    for own in objects_apart(parts, continuum):
+        placed = scene.objects.get(own.name)
+        if placed is None:
+            continue
+        mine = own.particles
+        center = np.average(rest_m[mine], axis=0, weights=mass_kg[mine])
+        spin = np.array([math.radians(value) for value in placed.spin_deg_s])
+        velocities[mine] = np.array(placed.velocity_ms) + np.cross(spin, rest_m[mine] - center)
+    return velocities
