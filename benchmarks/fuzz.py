@@ -1,42 +1,26 @@
 """Mutated files into every reader: ``python -m benchmarks fuzz [--reader NAME] [--minutes N] [--keep FOLDER]``.
 
-A reader may refuse (an error of phys4dgen, one printable sentence) or return; any other exception, a read that takes
-more than 5 s, or one that asks for more than 500 MB, is a finding. Findings are kept as files; exit code 1 if there are
-any. The same seed tries the same files.
+A reader may refuse (an error of phys4dgen, one printable sentence) or return. Any other exception, a warning, a word in
+the log of another library, a read that takes more than 5 s, or one that asks for more than 500 MB, is a finding, whose
+file is kept. Exit code 1 if there are any. The same seed tries the same files.
 """
 
 from __future__ import annotations
 
 import argparse
-import io
-import json
 import logging
 import random
 import resource
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
 
-import numpy as np
-from PIL import Image
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-
+from benchmarks.fuzz_targets import Target, targets
 from phys4dgen.errors import Phys4DGenError
-from phys4dgen.export.trajectory import read_trajectory
-from phys4dgen.formats import load_gaussians
-from phys4dgen.grouping.from_file import parts_from_file
-from phys4dgen.grouping.label_maps import read_label_maps
-from phys4dgen.materials.materials_yaml import read_materials
-from phys4dgen.materials.mllm.reading import UnreadableAnswerError, read_answer
-from phys4dgen.reconstruct.picture import read_picture
-from phys4dgen.scene import Scene, dump_scene, load_scene
-from phys4dgen.types import Camera, Gaussians
-from ply_bytes import inria_columns, ply_bytes  # pyright: ignore[reportMissingImports]
-from test_formats_compressed import compressed  # pyright: ignore[reportMissingImports]
+from phys4dgen.materials.mllm.reading import UnreadableAnswerError
 
 SECONDS = 5.0
 MEMORY_BYTES = 500_000_000
@@ -57,18 +41,11 @@ WORDS = (
 )
 
 
-class Target(NamedTuple):
-    """A reader and files that it takes."""
-
-    suffix: str
-    seeds: Sequence[bytes]
-    read: Callable[[Path], Any]
-
-
 def main(reader: str | None, *, minutes: float, keep: Path, seed: int) -> int:
     """Fuzz one reader, or all one after the other."""
     known = targets()
     logging.getLogger("phys4dgen").setLevel(logging.CRITICAL)
+    logging.getLogger().addHandler(_log_of_others)
     if reader is not None and reader not in known:
         sys.stderr.write(f"there is no reader '{reader}'; there are {', '.join(known)}.\n")
         return 2
@@ -102,6 +79,20 @@ def fuzz(name: str, target: Target, *, seconds: float, keep: Path, seed: int) ->
     return len(kinds)
 
 
+class _Listener(logging.Handler):
+    """Keeps what would reach a user's terminal beside the one sentence."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.records: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.records.append(f"{record.name}: {record.getMessage()[:120]}")
+
+
+_log_of_others = _Listener()
+
+
 def attempt(target: Target, path: Path) -> tuple[str, bool]:
     """What is wrong with how a reader takes a file, and whether it refused it."""
     start = time.monotonic()
@@ -110,7 +101,9 @@ def attempt(target: Target, path: Path) -> tuple[str, bool]:
     resource.setrlimit(resource.RLIMIT_AS, (in_use + MEMORY_BYTES, before[1]))
     problem, refused = "", False
     try:
-        target.read(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            target.read(path)
     except (Phys4DGenError, UnreadableAnswerError) as error:
         refused = True
         if not str(error).isprintable():
@@ -119,6 +112,9 @@ def attempt(target: Target, path: Path) -> tuple[str, bool]:
         problem = f"{type(error).__name__}: {str(error)[:160]}"
     finally:
         resource.setrlimit(resource.RLIMIT_AS, before)
+    if _log_of_others.records:
+        problem = problem or f"logged {_log_of_others.records[0]}"
+        _log_of_others.records.clear()
     if time.monotonic() - start > SECONDS:
         problem = problem or "took more than 5 s"
     return problem, refused
@@ -153,126 +149,6 @@ def mutated(rng: random.Random, seeds: Sequence[bytes]) -> bytes:
         else:
             del content[rng.randrange(len(content) + 1) :]
     return bytes(content)
-
-
-def targets() -> dict[str, Target]:
-    """Every reader of files of unknown origin."""
-    labels = np.arange(12, dtype=np.int32) % 3
-    names = np.array(["a", "b", "c"])
-    camera = Camera(viewmat=np.eye(4), K=np.diag([8.0, 8.0, 1.0]), width=8, height=6)
-    maps = np.tile(np.arange(8, dtype=np.int32) % 3 - 1, (2, 6, 1))
-    plain = [ply_bytes(inria_columns(5, degree=1)), ply_bytes(inria_columns(3), encoding="ascii")]
-    packed = [compressed(gaussians(300)), compressed(gaussians(5, degree=1), degree=1)]
-    motion = {"times_s": np.zeros(2), "positions": np.zeros((2, 5, 3), np.float32)}
-    motion["deformation_gradients"] = np.zeros((2, 5, 3, 3), np.float32)
-    answers = [json.dumps(ANSWER).encode(), ANSWER_IN_PROSE]
-    return {
-        "ply": Target(".ply", plain, load_gaussians),
-        "compressed": Target(".ply", packed, load_gaussians),
-        "splat": Target(".splat", [splat_bytes()], load_gaussians),
-        "labels": Target(
-            ".npz",
-            [archive(labels=labels, names=names), archive(np.savez_compressed, labels=labels.astype(np.uint8))],
-            lambda path: parts_from_file(path, 12),
-        ),
-        "labels_npy": Target(".npy", [npy(labels)], lambda path: parts_from_file(path, 12)),
-        "maps": Target(
-            ".npz",
-            [archive(masks=maps), archive(np.savez_compressed, masks=maps)],
-            lambda path: read_label_maps(path, cameras=[camera] * 2),
-        ),
-        "trajectory": Target(
-            ".npz",
-            [archive(**motion)],
-            read_trajectory,
-        ),
-        "scene": Target(".yaml", [dump_scene(Scene(input=Path("a.splat"))).encode(), SCENE], load_scene),
-        "materials": Target(".yaml", [MATERIALS], read_materials),
-        "answer": Target(".txt", answers, lambda path: read_answer(path.read_text("utf-8", "replace"), "AB")),
-        "png": Target(".png", [image("PNG", "RGBA"), image("PNG", "P"), image("PNG", "I;16")], read_picture),
-        "jpeg": Target(".jpg", [image("JPEG", "RGB"), image("JPEG", "CMYK")], read_picture),
-        "webp": Target(".webp", [image("WEBP", "RGBA")], read_picture),
-    }
-
-
-def gaussians(count: int, *, degree: int = 0) -> Gaussians:
-    """Some Gaussians."""
-    rng = np.random.default_rng(0)
-    quats = rng.normal(size=(count, 4))
-    return Gaussians(
-        means=rng.normal(size=(count, 3)).astype(np.float32),
-        quats_wxyz=(quats / np.linalg.norm(quats, axis=1, keepdims=True)).astype(np.float32),
-        scales=np.exp(rng.normal(-4, 1, (count, 3))).astype(np.float32),
-        opacities=rng.uniform(0.1, 0.9, count).astype(np.float32),
-        sh=rng.normal(0, 0.5, (count, (degree + 1) ** 2, 3)).astype(np.float32),
-    )
-
-
-def splat_bytes() -> bytes:
-    """A .splat of five Gaussians."""
-    rng = np.random.default_rng(1)
-    row = np.zeros(5, [("f", "<f4", 6), ("u", "u1", 8)])
-    row["f"], row["u"] = rng.uniform(0.1, 1, (5, 6)), rng.integers(1, 255, (5, 8))
-    return row.tobytes()
-
-
-def npy(array: np.ndarray[Any, Any]) -> bytes:
-    """A .npy file."""
-    stream = io.BytesIO()
-    np.save(stream, array)
-    return stream.getvalue()
-
-
-def archive(save: Callable[..., None] = np.savez, **arrays: np.ndarray[Any, Any]) -> bytes:
-    """A .npz file."""
-    stream = io.BytesIO()
-    save(stream, **arrays)
-    return stream.getvalue()
-
-
-def image(kind: str, mode: str) -> bytes:
-    """A small picture."""
-    stream = io.BytesIO()
-    ramp = Image.linear_gradient("L").resize((24, 16))
-    ramp.convert("I;16" if mode == "I;16" else mode).save(stream, kind)
-    return stream.getvalue()
-
-
-SCENE = b"""input: a.splat
-up: [0, 1, 0]
-parts:
-  pot: {hold: fixed, thickness_m: 1e-3}
-forces:
-  - {kind: acceleration, part: leaves, value_ms2: [3, 0, 0], from_s: 0.0, to_s: 0.3}
-simulation: {grid: 64, duration_s: 2.0}
-grouping: {names: {0: pot}, edits: [{merge: [a, b]}]}
-"""
-MATERIALS = b"""parts:
-  pot:
-    surface: {name: ceramic, law: neo_hookean, density_kgm3: 2000, youngs_modulus_pa: 1e9, poisson_ratio: 0.2}
-    interior: {name: soil, density_kgm3: 1.2e+3, youngs_modulus_pa: 1.0e6, poisson_ratio: 0.3, source: user}
-  leaves:
-    surface: {name: leaf, thickness_m: 0.0008}
-"""
-ANSWER = {
-    "object": "a plant",
-    "height_m": {"min": 0.2, "max": 0.5, "best": 0.3},
-    "parts": [
-        {
-            "letter": letter,
-            "name": "pot",
-            "surface": {"material": "ceramic", "density_kgm3": 2000, "youngs_modulus_pa": 1e9, "poisson_ratio": 0.2},
-            "interior": {
-                "material": "soil",
-                "density_kgm3": "1.2 g/cm3",
-                "youngs_modulus_pa": 1e6,
-                "poisson_ratio": 0.3,
-            },
-        }
-        for letter in "AB"
-    ],
-}
-ANSWER_IN_PROSE = b"Here it is:\n```json\n" + json.dumps(ANSWER, indent=1).encode() + b"\n```\nBest wishes"
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Meshes of others: even samples, the right colours in the right places, and damaged files in one sentence."""
 
 import json
+import logging
 import struct
 
 import numpy as np
@@ -347,6 +348,18 @@ def test_many_triangles_are_refused_before_they_are_kept(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "MAX_TRIANGLES", 300)
     with pytest.raises(FormatError, match="more than 300 triangles"):
         read_surfaces(tmp_path / "a.stl")
+
+
+def test_a_damaged_mesh_is_one_sentence_and_nothing_in_the_log_of_others(tmp_path, capfd):
+    """What trimesh logs on its way would reach the terminal: Python writes what no handler takes."""
+    text = ball(1).export(file_type="stl_ascii").replace("facet normal 0", "facet normal x", 1)
+    (tmp_path / "a.stl").write_text(text)
+    handlers, logging.getLogger().handlers = logging.getLogger().handlers, []
+    try:
+        assert read_surfaces(tmp_path / "a.stl")  # the normals are not needed
+    finally:
+        logging.getLogger().handlers = handlers
+    assert capfd.readouterr() == ("", "")
 
 
 def test_without_trimesh_it_says_what_to_install(tmp_path, monkeypatch):

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import logging
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -82,7 +85,7 @@ def _placed(path: Path) -> list[tuple[Any, NDArray[np.float64]]]:
 
     stream = io.BytesIO(path.read_bytes())
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _quiet_log("trimesh"):
             warnings.simplefilter("ignore")
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             scene = trimesh.load_scene(
@@ -98,6 +101,19 @@ def _placed(path: Path) -> list[tuple[Any, NDArray[np.float64]]]:
         for geometry, matrix in placed
         if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)
     ]
+
+
+@contextmanager
+def _quiet_log(name: str) -> Iterator[None]:
+    """A library that logs what it survives: without a handler Python would write it to the terminal."""
+    logger, silent = logging.getLogger(name), logging.NullHandler()
+    before, logger.propagate = logger.propagate, False
+    logger.addHandler(silent)
+    try:
+        yield
+    finally:
+        logger.removeHandler(silent)
+        logger.propagate = before
 
 
 def _by_trimesh(header: dict[str, Any]) -> bool:
