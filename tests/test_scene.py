@@ -93,6 +93,7 @@ def test_paths_are_taken_from_the_folder_of_the_file(tmp_path):
         ("height_m: .nan", "height_m: expected 'auto' or a finite number, got nan."),
         ("up: [0, 0, 0]", "up: expected a direction, got a vector of length 0."),
         ("motion: {wind: [1, 2]}", "motion.wind: expected 'auto' or three numbers such as [1, 0, 0], got [1, 2]."),
+        (f"motion: {{wind: [1, 2, {'9' * 400}]}}", "motion.wind: expected 'auto' or three numbers such as [1, 0, 0]"),
         ("parts: {p: {hold: fxed}}", "expected 'auto', 'fixed', 'rigid' or 'free', got 'fxed'. Did you mean 'fixed'?"),
         ("parts: {pot: {holt: fixed}}", "'parts.pot.holt' is not a key of a scene. Did you mean 'hold'?"),
         ("output: {frames: yes}", "output.frames: expected 'ply' or 'none', got 'yes'."),

@@ -22,7 +22,7 @@ def _numbers(count: int, example: str) -> BeforeValidator:
             if not isinstance(words, (list, tuple)) or len(words) != count or any(isinstance(w, bool) for w in words):
                 raise ValueError
             return tuple(float(word) for word in words)
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, OverflowError):
             raise PydanticCustomError("numbers", f"{count} numbers such as {example}") from None  # pyright: ignore[reportArgumentType]
 
     return BeforeValidator(numbers)

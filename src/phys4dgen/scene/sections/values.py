@@ -38,7 +38,7 @@ def _vector(value: Any) -> Any:
         if not isinstance(words, (list, tuple)) or len(words) != 3 or any(isinstance(word, bool) for word in words):
             raise ValueError
         return tuple(float(word) for word in words)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError):
         raise PydanticCustomError("vector", "three numbers such as [1, 0, 0]") from None
 
 
