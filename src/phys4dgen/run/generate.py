@@ -105,7 +105,7 @@ def scene_of_run(folder: Path | str) -> Scene:
     """What RUN/scene.yaml says.
 
     Raises:
-        RunError: the folder holds no run.
+        RunError: the folder holds no run, or one of several objects of another.
         SceneError: scene.yaml is damaged; names line and key.
     """
     folder = Path(folder)
@@ -114,6 +114,9 @@ def scene_of_run(folder: Path | str) -> Scene:
         raise RunError(
             f"{folder}: expected a run folder with a scene.yaml; 'phys4dgen generate INPUT -o RUN' makes one."
         )
+    whole = folder.absolute().parents[1]
+    if RunFolder(whole).objects == folder.absolute().parent and (whole / STATE_NAME).is_file():
+        raise RunError(f"{folder}: is one of several objects and follows {whole}; use the command on {whole}.")
     return load_scene(scene_yaml)
 
 

@@ -50,6 +50,11 @@ def regroup(
         Phys4DGenError: no run, no such part, view or place, no such pieces, or nothing to take back.
     """
     scene, moves = scene_of_run(folder), list[Moves]()
+    if scene.objects:
+        raise SceneError(
+            f"{folder}: holds several objects; say in its scene.yaml how each is divided, below "
+            f"objects.NAME.grouping.edits, and run 'phys4dgen simulate {folder}'."
+        )
     if undo:
         if not scene.grouping.edits:
             raise SceneError("--undo: the parts have not been edited.")
@@ -173,4 +178,4 @@ def _moves_back(scene: Scene, edit: PartEdit, *, earlier: Sequence[PartEdit]) ->
 def _mentioned(scene: Scene) -> list[str]:
     """Names of parts with options or forces of their own."""
     entries = [getattr(entry, "part", ALL_PARTS) for entry in (*scene.forces, *scene.boundaries, *scene.changes)]
-    return list(dict.fromkeys((*scene.parts, *(part for part in entries if part != ALL_PARTS))))
+    return [name for name in dict.fromkeys((*scene.parts, *entries)) if name != ALL_PARTS]

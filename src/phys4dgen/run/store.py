@@ -244,10 +244,11 @@ class RunStore:
         write_source(self.run, source)
         return self._read_source()
 
-    def _read_source(self, _record: StageRecord | None = None) -> Recalled:
+    def _read_source(self, record: StageRecord | None = None) -> Recalled:
         source = read_source(self.run, self.scene)
         self.backends["reconstruct"] = source.backend
-        return lambda: source, products_of_objects(self.ready)
+        earlier = {} if record is None else record.products  # of stages of objects that this command did not ask for
+        return lambda: source, {**earlier, **products_of_objects(self.ready)}
 
     def _keep_views(self, views: Views) -> Recalled:
         asset = self._object()

@@ -62,7 +62,7 @@ def held_by_object(
     """``choose_held`` for each object by itself."""
     particles = np.zeros(len(continuum), np.bool_)
     names: list[str] = []
-    reasons: list[str] = []
+    reasons: dict[str, str] = {}
     for own in objects_apart(parts, continuum):
         mine = np.isin(parts.labels, own.numbers)
         labels = np.searchsorted(own.numbers, parts.labels[mine]).astype(np.int32)
@@ -79,8 +79,10 @@ def held_by_object(
         )
         particles[own.particles] = held.particles
         names += held.parts
-        reasons.append(f"{own.name}: {held.reason}" if own.name else held.reason)
-    return Held(particles, tuple(names), "; ".join(reasons))
+        reasons[own.name] = held.reason
+    if len(set(reasons.values())) == 1:
+        return Held(particles, tuple(names), next(iter(reasons.values())))
+    return Held(particles, tuple(names), "; ".join(f"{name}: {reason}" for name, reason in reasons.items()))
 
 
 def rigid_by_object(

@@ -97,9 +97,10 @@ def _tell_what_differs(
         )
     facts.welded_share = welded_share(continuum, frame=asset.frame, free=assembly.body.is_soft, cell_m=asset.cell_m)
     if facts.welded_share > _WELDED_WARNING:
+        finer = f"--simulation.cell-m {asset.cell_m / 2:.2g}" if scene.objects else f"--grid {2 * asset.grid}"
         progress.warn(
             f"{facts.welded_share:.0%} of the thin surfaces lie closer than two grid cells to another one and move as "
-            f"if glued to it; a finer grid (--grid {2 * asset.grid}) frees them."
+            f"if glued to it; a finer grid ({finer}) frees them."
         )
     facts.part_mass_g = _part_masses_g(parts, continuum, assembly)
 

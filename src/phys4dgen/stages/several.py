@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from phys4dgen.interior import Interior
 from phys4dgen.interior.bridge import BridgeReport
+from phys4dgen.materials import read_materials
 from phys4dgen.progress import Progress
 from phys4dgen.render.sh_rotation import rotate_sh
 from phys4dgen.scene import SEPARATOR, PlacedObject, Scene
@@ -242,14 +243,17 @@ def _placed(continuum: Continuum, pose: Pose) -> Continuum:
 
 
 def join_books(scene: Scene, objects: Sequence[ReadyObject], parts: Parts, progress: Progress) -> MaterialBook:
-    """Their materials under the names of the joined parts, with what the scene says last of them."""
+    """Their materials under the names of the joined parts, and those of the scene's materials file in their place."""
     rows: dict[str, PartMaterials] = {}
     for own in objects:
         assert own.book is not None
         rows |= {f"{own.name}{SEPARATOR}{name}": materials for name, materials in own.book.parts.items()}
-    book = as_told(scene, parts, MaterialBook(rows))
-    for name, entry in book.parts.items():
-        if entry != rows[name]:
-            for warning in dict.fromkeys((*entry.surface.warnings, *entry.interior.warnings)):
-                progress.warn(f"Material of part '{name}': {warning}.")
-    return book
+    if scene.materials.file is None:
+        return MaterialBook(rows)
+    in_file = read_materials(scene.materials.file, parts.names)
+    told = as_told(scene, parts, MaterialBook(rows))
+    for name in in_file:
+        rows[name] = entry = told.parts[name]
+        for warning in dict.fromkeys((*entry.surface.warnings, *entry.interior.warnings)):
+            progress.warn(f"Material of part '{name}': {warning}.")
+    return MaterialBook(rows)
