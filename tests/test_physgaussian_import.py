@@ -1,29 +1,21 @@
 """Scenes of PhysGaussian: every key and boundary type arrives, or is named among the differences."""
 
-import json
 import math
-import shutil
 
 import numpy as np
 import pytest
 
-from phys4dgen.cli import main
 from phys4dgen.errors import SceneError
 from phys4dgen.formats import load_gaussians
 from phys4dgen.grouping.from_file import parts_from_file
 from phys4dgen.materials import read_materials
 from phys4dgen.physgaussian.boundary_types import BOUNDARY_TYPES
-from phys4dgen.physgaussian.configuration import MATERIALS, Configuration, Filling, RegionMaterial, read_configuration
-from phys4dgen.physgaussian.importing import import_physgaussian
+from phys4dgen.physgaussian.configuration import MATERIALS, Configuration, Filling, RegionMaterial
 from phys4dgen.physgaussian.masses import particle_masses
-from phys4dgen.physgaussian.placement import place, simulated
 from phys4dgen.scene import sections
-from phys4dgen.stages.motion_loads import LoadMaker, in_region
-from phys4dgen.stages.motion_obstacles import ObstacleMaker
-from phys4dgen.types import Continuum, Frame, Parts, rotation_to_z_up
+from phys4dgen.stages.motion_loads import in_region
+from physgaussian_importing import MODES, importing_into, mentions, of_kind, placed
 from physgaussian_scenes import CONFIGURATIONS, write_model
-
-MODES = ("corrected", "compat")
 
 
 @pytest.fixture(scope="module")
@@ -36,28 +28,7 @@ def model(tmp_path_factory):
 @pytest.fixture
 def run(model, tmp_path):
     """Imports a configuration, by name or as a dictionary."""
-
-    def importing(given, mode="corrected"):
-        config = tmp_path / "config.json"
-        config.write_text(json.dumps(CONFIGURATIONS[given] if isinstance(given, str) else given))
-        return import_physgaussian(config, model, tmp_path / f"scene_{mode}.yaml", mode=mode)
-
-    return importing
-
-
-def of_kind(entries, kind):
-    return [entry for entry in entries if entry.kind == kind]
-
-
-def mentions(imported, *words):
-    return any(all(word in text for word in words) for text in imported.differences)
-
-
-def placed(model, name):
-    config = Configuration.model_validate(CONFIGURATIONS[name])
-    gaussians = load_gaussians(model / "point_cloud/iteration_30000/point_cloud.ply")
-    gaussians = gaussians.subset(simulated(gaussians, config))
-    return config, gaussians, place(gaussians, config)
+    return importing_into(tmp_path, model)
 
 
 def test_the_six_use_every_key_every_material_and_every_boundary_type():
@@ -299,207 +270,3 @@ def test_held_and_turned_particles(run, model):
     there = (np.abs(local[:, 2]) < 0.2) & (np.hypot(local[:, 0], local[:, 1]) < 0.3)
     assert (in_region(turn.region, gaussians.means.astype(np.float64)) == there).mean() > 0.999
     assert there.any()
-
-
-def as_simulated(imported):
-    """The Gaussians as particles, and what turns the scene's forces and boundaries into the solver's."""
-    scene, gaussians = imported.scene, load_gaussians(imported.scene.input)
-    rotation = rotation_to_z_up(np.array(scene.up))
-    lower, upper = gaussians.robust_bounds(rotation=rotation)
-    frame = Frame(rotation, scene.longest_m / float((upper - lower).max()))
-    count = len(gaussians)
-    nothing = np.zeros(count, np.int32)
-    continuum = Continuum(
-        positions=gaussians.means.astype(np.float64),
-        part=nothing,
-        is_interior=np.zeros(count, bool),
-        volume_m3=np.ones(count),
-        gaussian_index=np.arange(count, dtype=np.int32),
-        piece=nothing,
-        shape=nothing.astype(np.int8),
-        thickness_m=np.full(count, np.nan),
-        thickness_measured=np.zeros(count, bool),
-        offset_m=np.zeros((count, 3)),
-        spacing_m=0.02,
-    )
-    parts = Parts(labels=nothing, names=("object",), backend="test")
-    points_m = frame.to_metres(gaussians.means)
-    loads = LoadMaker(frame, parts, continuum, np.ones(count), scene.longest_m)
-    return loads, ObstacleMaker(frame, points_m, margin_m=0.01, cell_m=0.04), points_m
-
-
-@pytest.mark.parametrize("name", ["coin", "heap", "clay"])
-def test_a_metre_of_the_solver_is_a_unit_of_mpm_space(run, model, name):
-    """Distances of the particles to every plane, and velocities of blocks, as PhysGaussian has them."""
-    config, gaussians, placement = placed(model, name)
-    places = placement.to_mpm(gaussians.means)
-    imported = run(name)
-    _, obstacles, points_m = as_simulated(imported)
-    planes = [c for c in config.boundary_conditions if c.type == "surface_collider"]
-    found = [s.obstacle for s in obstacles.solids(of_kind(imported.scene.boundaries, "plane"))]
-    assert len(planes) == len(found) > 0
-    for condition, obstacle in zip(planes, found, strict=True):
-        normal = np.array(condition.normal) / np.linalg.norm(condition.normal)
-        there = (places - condition.point) @ normal
-        np.testing.assert_allclose(obstacle.shape.distances(points_m)[0], there, atol=1e-4)
-
-
-def test_a_turn_gives_the_velocities_of_physgaussian(run, model):
-    config, gaussians, placement = placed(model, "cake")
-    condition = config.boundary_conditions[1]
-    imported = run("cake")
-    loads, _, points_m = as_simulated(imported)
-    drive = loads.drives(imported.scene.forces, (), held=np.zeros(len(points_m), bool))[0]
-    # its formula: theta from axis_1 towards axis_2 = axis_1 x normal
-    normal = np.array(condition.normal, float)
-    axis_1 = np.ones(3) - normal.sum() * normal
-    axis_1 /= np.linalg.norm(axis_1)
-    axis_2 = np.cross(axis_1, normal)
-    offset = placement.to_mpm(gaussians.means) - condition.point
-    away = np.linalg.norm(offset - (offset @ normal)[:, None] * normal, axis=1)
-    theta = np.arctan2(offset @ axis_2, offset @ axis_1)
-    speed = away * condition.rotation_scale
-    there = -(speed * np.sin(theta))[:, None] * axis_1 + (speed * np.cos(theta))[:, None] * axis_2
-    there += condition.translation_scale * normal
-    assert drive.chosen.sum() > 20
-    np.testing.assert_allclose(drive.velocities_ms(points_m, 0.0), there, atol=1e-4)
-
-
-def test_layers_are_let_go_when_physgaussian_does(run, model):
-    config, gaussians, placement = placed(model, "heap")
-    heap = run("heap")
-    release = of_kind(heap.scene.boundaries, "release")[0]
-    np.testing.assert_allclose(release.direction, (0, 1, 0), atol=1e-9)
-    assert mentions(heap, "num_layers")
-    assert mentions(heap, "beyond end_position")
-    condition = config.boundary_conditions[1]
-    places = placement.to_mpm(gaussians.means)
-    reach = abs(condition.end_position - condition.start_position)
-    # fifty boxes about end_position, each a fiftieth smaller and held a fiftieth longer
-    there = np.zeros(len(places))
-    for layer in range(50):
-        half = np.array([1, 1, reach / 50 * (50 - layer)])
-        inside = (np.abs(places - [1, 1, condition.end_position]) < half).all(1)
-        there[inside] = condition.end_time / 50 * (layer + 1)
-    loads, _, _ = as_simulated(heap)
-    drives = loads.drives((), heap.scene.boundaries, held=np.zeros(len(places), bool))
-    here = np.max([np.where(drive.chosen, drive.let_go_s, 0) for drive in drives], axis=0)
-    held = there > 0
-    assert 0.5 < held.mean() < 1
-    assert np.abs(here - there)[held].max() < 1.5 * condition.end_time / 50
-    assert (here[~held] == 0).mean() > 0.95
-
-
-def test_time_steps_that_do_not_divide_a_frame(run):
-    corrected, compat = run("cake"), run("cake", "compat")
-    assert corrected.scene.simulation.frame_time_s == 0.04
-    assert compat.scene.simulation.frame_time_s == pytest.approx(1999 * 2e-5)
-    assert mentions(corrected, "1999 substeps")
-    assert mentions(compat, "1999 substeps")
-
-
-def test_a_time_step_on_which_physgaussian_blows_up(run):
-    assert mentions(run({**CONFIGURATIONS["leaf"], "E": 2e9}), "substep_dt", "9.2 cells")
-    assert not mentions(run("leaf"), "substep_dt: a wave")
-
-
-def test_inside(run):
-    assert run("leaf").scene.interior.method == "none"
-    assert run("cake").scene.interior.method != "none"
-    assert mentions(run("cake"), "particle_filling")
-    assert run("cake", "compat").scene.interior.particles == "gaussians"
-
-
-def test_cameras(run):
-    leaf = run("leaf")
-    video = leaf.scene.output.video
-    # azimuth 0 is the direction (1, 1, 0), 135 deg in ours, and it turns clockwise seen from above
-    assert video.orbit_deg == pytest.approx(29)
-    assert video.azimuth_deg == pytest.approx(135 - 20 + 29 / 2)
-    assert video.elevation_deg == pytest.approx(15)
-    assert mentions(leaf, "init_radius", "delta_e")
-    coin = run("coin").scene.output.video  # camera 1 stands at +x
-    assert coin.azimuth_deg == pytest.approx(90, abs=1)
-    assert coin.elevation_deg == pytest.approx(0, abs=1)
-    assert mentions(run({**CONFIGURATIONS["coin"], "default_camera_index": 7}), "no camera 7")
-
-
-def test_spellings(run, tmp_path):
-    config = {**CONFIGURATIONS["ball"], "init_azimuth": 30, "default_camera_index": -1}
-    config["particle_filling"] = {"max_particles_per_cell": 8}
-    corrected, compat = run(config), run(config, "compat")
-    assert corrected.scene.output.video.azimuth_deg != compat.scene.output.video.azimuth_deg
-    assert mentions(corrected, "init_azimuth:", "ignores this key; this import takes it")
-    assert mentions(compat, "init_azimuth:", "so does this import")
-    assert mentions(corrected, "particle_filling.max_particles_per_cell")
-    path = tmp_path / "config.json"
-    assert read_configuration(path, mode="corrected").values.particle_filling.max_partciels_per_cell == 8
-    assert read_configuration(path, mode="compat").values.particle_filling.max_partciels_per_cell == 1
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"frictio_angle": 3}, "Did you mean 'friction_angle'"),
-        ({"particle_filling": {"densty_threshold": 3}}, "densty_threshold"),
-        ({"boundary_conditions": [{"type": "surface_colider"}]}, "Did you mean 'surface_collider'"),
-        ({"boundary_conditions": [{"point": [1, 1, 1]}]}, "expected a type"),
-        ({"boundary_conditions": [{"type": "cuboid", "point": [1, 1, 1], "size": [1, 1, 1]}]}, "velocity"),
-        ({"boundary_conditions": [{"type": "bounding_box", "pont": 1}]}, "pont"),
-        ({"material": "jely"}, "Did you mean 'jelly'"),
-        ({"nu": 0.7}, "nu"),
-        ({"E": "stiff"}, "E"),
-        ({"rotation_degree": [90]}, "go together"),
-        ({"sim_area": [1, -1, 0, 1, 0, 1]}, "sim_area"),
-        ({"sim_area": [5, 6, 5, 6, 5, 6]}, "no Gaussian of"),
-        ({"frame_dt": 1e-5}, "shorter than substep_dt"),
-        ({"n_grid": 6, "boundary_conditions": [{"type": "bounding_box"}]}, "no room between its walls"),
-        ({"density": 1e5}, "density"),
-    ],
-)
-def test_what_cannot_be_read_is_refused_in_one_sentence(run, change, message):
-    with pytest.raises(SceneError, match=message) as raised:
-        run({**CONFIGURATIONS["ball"], **change})
-    assert "\n" not in str(raised.value)
-
-
-def test_a_ratio_of_one_half(run):
-    incompressible = {**CONFIGURATIONS["ball"], "nu": 0.5}
-    assert mentions(run(incompressible), "nu: 0.5")
-    with pytest.raises(SceneError, match="divides by zero"):
-        run(incompressible, "compat")
-
-
-def test_broken_files(model, tmp_path):
-    path = tmp_path / "a.json"
-    for text, message in (
-        ('{"smooth": ,}', "line 1: not JSON"),
-        ("[1]", "expected a JSON object"),
-        ("[" * 99999, "not JSON"),
-    ):
-        path.write_text(text)
-        with pytest.raises(SceneError, match=message):
-            import_physgaussian(path, model, tmp_path / "a.yaml")
-    with pytest.raises(SceneError, match="no such file"):
-        import_physgaussian(tmp_path / "absent.json", model, tmp_path / "a.yaml")
-    path.write_text("{}")
-    (tmp_path / "empty").mkdir()
-    with pytest.raises(SceneError, match="iteration_N"):
-        import_physgaussian(path, tmp_path / "empty", tmp_path / "a.yaml")
-
-
-def test_the_command(model, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    shutil.copytree(model, tmp_path / "model")
-    (tmp_path / "leaf.json").write_text(json.dumps(CONFIGURATIONS["leaf"]))
-    words = ["import-physgaussian", "leaf.json", "model", "-o", "leaf.yaml"]
-    assert main(words) == 0
-    said = capsys.readouterr()
-    assert said.out.splitlines() == ["leaf.yaml", "leaf_object.ply", "leaf_materials.yaml"]
-    assert "covariance" in said.err
-    assert main(words) == 2
-    assert "--overwrite" in capsys.readouterr().err
-    assert main([*words, "--mode", "compat", "--overwrite"]) == 0
-    assert main(["import-physgaussian", "leaf.json", "model"]) == 2
-    assert main(["import-physgausian", "leaf.json"]) == 2
-    assert "Did you mean 'import-physgaussian'" in capsys.readouterr().err
