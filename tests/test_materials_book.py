@@ -210,6 +210,15 @@ def test_mistakes_are_named_with_file_line_and_way_out(tmp_path: Path, text: str
     assert message in str(error.value)
 
 
+def test_what_a_terminal_would_obey_is_escaped(tmp_path: Path):
+    path = tmp_path / "materials.yaml"
+    path.write_text('parts: {pot: {surface: {"\\e[2J\\ue996\\nname": felt}}}', encoding="utf-8")
+    with pytest.raises(MaterialError) as caught:
+        read_materials(path)
+    assert str(caught.value).isprintable()
+    assert "'\\x1b[2J\\ue996\\nname' is not a key" in str(caught.value)
+
+
 def test_a_part_that_does_not_exist_is_refused_with_its_line(tmp_path: Path):
     path = tmp_path / "materials.yaml"
     path.write_text("parts:\n  pot: {surface: steel}\n  leafs: {surface: felt}\n")

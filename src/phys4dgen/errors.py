@@ -22,7 +22,14 @@ __all__ = [
 
 
 class Phys4DGenError(Exception):
-    """Base of all errors that phys4dgen raises on purpose; its text is meant for users."""
+    """Base of all errors that phys4dgen raises on purpose; its text is meant for users.
+
+    What a sentence quotes of a file may hold anything: characters that a terminal would obey or not show are escaped.
+    """
+
+    def __init__(self, sentence: str = "") -> None:
+        shown = (c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in sentence)
+        super().__init__("".join(shown))
 
 
 class FormatError(Phys4DGenError):
