@@ -12,8 +12,9 @@ from collections.abc import Mapping, Sequence
 
 from phys4dgen.errors import StageError
 from phys4dgen.grouping.attach import attach, number_from_the_ground
+from phys4dgen.grouping.clicked import parts_by_random_walk
 from phys4dgen.grouping.cutting import MAX_PARTS, cut_tree
-from phys4dgen.grouping.merging import MergeTree, grow_from_seeds, merge_tree
+from phys4dgen.grouping.merging import MergeTree, merge_tree
 from phys4dgen.grouping.patch_graph import PatchGraph, patch_graph
 from phys4dgen.grouping.seeds import seed_patches
 from phys4dgen.grouping.supervoxels import core_gaussians, object_radius, supervoxels
@@ -114,10 +115,11 @@ def parts_from_tree(tree: MergeTree, gaussians: Gaussians, frame: Frame, *, part
     """
     _check_count(parts)
     _check_fit(tree.graph, gaussians)
-    labels = attach(gaussians, tree.graph.patch, cut_tree(tree, parts), radius=object_radius(gaussians))
+    graph = tree.graph
+    labels = attach(gaussians, graph.patch, cut_tree(tree, parts), color=graph.color, radius=object_radius(gaussians))
     numbered, old = number_from_the_ground(labels, gaussians, frame)
     names = tuple(f"part_{i}" for i in range(len(old)))
-    return Parts(labels=numbered, names=names, backend=APPEARANCE_BACKEND, visible=tree.graph.visible)
+    return Parts(labels=numbered, names=names, backend=APPEARANCE_BACKEND, visible=graph.visible)
 
 
 def parts_from_seeds(
@@ -135,8 +137,8 @@ def parts_from_seeds(
         StageError: two parts are pointed at in one place, one is too small, or the graph belongs to other Gaussians.
     """
     _check_fit(graph, gaussians)
-    known = seed_patches(graph, gaussians, seeds)
-    labels = attach(gaussians, graph.patch, grow_from_seeds(graph, known), radius=object_radius(gaussians))
+    part_of_patch = parts_by_random_walk(graph, seed_patches(graph, gaussians, seeds))
+    labels = attach(gaussians, graph.patch, part_of_patch, color=graph.color, radius=object_radius(gaussians))
     numbered, old = number_from_the_ground(labels, gaussians, frame)
     names = list(seeds)
     lost = [name for number, name in enumerate(names) if number not in old]

@@ -14,24 +14,31 @@ __all__ = ["attach", "number_from_the_ground"]
 
 _NEIGHBOURS = 12
 _SMOOTHING_ROUNDS = 2
-_OWN_VOTE = 2
+_VOTE_COLOR_SCALE = 8.0
+"""Difference of rendered colour at which a neighbour's vote is worth little: a patch ends where its colour does."""
 _ATTACH_NEIGHBOURS = 4
 _ATTACH_COLOR_SCALE = 24.0
 _ATTACH_DISTANCE_FLOOR = 0.003
 
 
 def attach(
-    gaussians: Gaussians, patch: NDArray[np.int32], part_of_patch: NDArray[np.int64], *, radius: float
+    gaussians: Gaussians,
+    patch: NDArray[np.int32],
+    part_of_patch: NDArray[np.int64],
+    *,
+    color: NDArray[np.float32],
+    radius: float,
 ) -> NDArray[np.int64]:
     """Part of every Gaussian, shape [N].
 
-    The visible surface takes its patch's part, smoothed by a majority among neighbours; all others follow the visible
-    Gaussians around them, near ones and those of like colour first.
+    The visible surface takes its patch's part, corrected by a vote among neighbours of its colour; all others follow
+    the visible Gaussians around them, near ones and those of like colour first.
 
     Args:
         gaussians: N static Gaussians.
         patch: patch of every visible Gaussian, -1 elsewhere, shape [N].
         part_of_patch: -1 where it is not known, shape [S].
+        color: what each visible Gaussian shows (half the lightness, a, b), shape [N, 3].
         radius: half the object's diagonal, input units.
     """
     known = (patch >= 0) & (part_of_patch[patch] >= 0)
@@ -41,9 +48,9 @@ def attach(
     tree = KDTree(gaussians.means[core])
     neighbours = tree.query(gaussians.means[core], min(_NEIGHBOURS + 1, len(core)), workers=-1)[1]
     neighbours = neighbours.reshape(len(core), -1)
-    # A point is its own first neighbour: one vote of its own comes from there.
-    votes = np.ones(neighbours.shape)
-    votes[:, 0] = _OWN_VOTE
+    shown = color[core].astype(np.float64)
+    difference = ((shown[neighbours] - shown[:, None]) ** 2).sum(2)
+    votes = np.exp(-difference / _VOTE_COLOR_SCALE**2)  # its own, as its first neighbour, counts 1
     for _ in range(_SMOOTHING_ROUNDS):
         label = _majority(label[neighbours], votes, part_count)
     out = np.zeros(len(gaussians), np.int64)

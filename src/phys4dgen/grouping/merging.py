@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from phys4dgen.errors import StageError
 from phys4dgen.grouping.patch_graph import PatchGraph
 
-__all__ = ["CostWeights", "MergeTree", "grow_from_seeds", "merge_tree", "tree_from_arrays"]
+__all__ = ["CostWeights", "MergeTree", "merge_tree", "tree_from_arrays"]
 
 _WARD_REGIONS = 300
 
@@ -94,6 +94,7 @@ def tree_from_arrays(arrays: Mapping[str, NDArray[Any]], gaussian_count: int) ->
     count = len(graph)
     numbers_fit = (
         graph.patch.shape == graph.visible.shape == (gaussian_count,)
+        and graph.color.shape == (gaussian_count, 3)
         and graph.visible.dtype == np.bool_
         and graph.feature.shape == (count, 5)
         and graph.spread.shape == (count, 3)
@@ -124,25 +125,6 @@ def merge_tree(graph: PatchGraph, *, weights: CostWeights = CostWeights()) -> Me
     )
 
 
-def grow_from_seeds(
-    graph: PatchGraph, seeds: NDArray[np.intp], *, weights: CostWeights = CostWeights()
-) -> NDArray[np.int64]:
-    """Part of every patch where some are known: merging as ever, but never of two known ones; shape [S].
-
-    Args:
-        graph: S patches.
-        seeds: part of each patch that is known, 0 .. G-1, every one of them used; -1 elsewhere, shape [S].
-        weights: of the cost.
-    """
-    regions = _Regions(graph, weights)
-    known = np.flatnonzero(seeds >= 0)
-    regions.seed[known] = np.arange(len(known))  # two seeds of one part stay apart as well: they may look different
-    label = np.arange(len(graph))
-    for kept, absorbed, _ in _agglomerate_all(regions, until=len(known)):
-        label[label == absorbed] = kept
-    return seeds[known][regions.seed[label]].astype(np.int64)
-
-
 class _Regions:
     """The regions while they are joined; a row of a table is a region, joined ones keep the row of the one kept."""
 
@@ -153,7 +135,6 @@ class _Regions:
         self.spread = graph.spread.copy()
         self.area = graph.area.copy()
         self.alive = np.ones(count, np.bool_)
-        self.seed = np.full(count, -1, np.int64)  # number of the seed that a region has grown from
         self.border, self.contrast, self.crease = (np.zeros((count, count)) for _ in range(3))
         i, j = graph.touching.T
         contrast = np.linalg.norm(self.feature[i] - self.feature[j], axis=1)
@@ -206,7 +187,6 @@ class _Regions:
         self.spread[i] = np.sqrt((1 - share) * self.spread[i] ** 2 + share * self.spread[j] ** 2)
         self.area[i] = total
         self.alive[j] = False
-        self.seed[i] = max(self.seed[i], self.seed[j])
         for table in (self.border, self.contrast, self.crease):
             table[i] += table[j]
             table[i, i] = 0
@@ -215,8 +195,6 @@ class _Regions:
     def _allowed(self, cost: NDArray[np.float64], i: int) -> NDArray[np.float64]:
         cost[~self.alive] = np.inf
         cost[i] = np.inf
-        if self.seed[i] >= 0:
-            cost[self.seed >= 0] = np.inf
         return cost
 
 

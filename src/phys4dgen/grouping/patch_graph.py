@@ -35,6 +35,7 @@ class PatchGraph:
 
     Attributes:
         patch: patch of every Gaussian that is visible surface, -1 elsewhere, shape [N].
+        color: the colour that each of them shows (half the lightness, a, b), 0 elsewhere, shape [N, 3].
         visible: seen in at least one view, faint ones too, shape [N].
         area: share of the surface, shape [S].
         feature: mean colour (half the lightness, a and b freed of shading), weighted thinness and weighted likeness to
@@ -46,6 +47,7 @@ class PatchGraph:
     """
 
     patch: NDArray[np.int32]
+    color: NDArray[np.float32]
     visible: NDArray[np.bool_]
     area: NDArray[np.float64]
     feature: NDArray[np.float64]
@@ -64,6 +66,7 @@ class PatchGraph:
         inside = (number[self.touching] >= 0).all(1)
         return PatchGraph(
             patch=np.where(self.patch >= 0, number[self.patch], -1).astype(np.int32),
+            color=self.color,
             visible=self.visible,
             area=self.area[chosen] / self.area[chosen].sum(),
             feature=self.feature[chosen],
@@ -87,6 +90,8 @@ def patch_graph(
     """
     patch_of_gaussian = np.full(len(visible), -1, np.int32)
     patch_of_gaussian[patches.core] = patches.patch
+    shown = np.zeros((len(visible), 3), np.float32)
+    shown[patches.core] = patches.color
     first, second = np.nonzero(np.triu(patches.border))
     color = unlit(patches)
     lightness = color[:, :1] / LIGHTNESS_WEIGHT
@@ -95,6 +100,7 @@ def patch_graph(
     rod = _RODNESS * rod_likeness(patches, means[patches.core].astype(np.float64), radius=radius)
     return PatchGraph(
         patch=patch_of_gaussian,
+        color=shown,
         visible=visible,
         area=patches.area,
         feature=np.concatenate([color[:, :1], color[:, 1:] * unshaded, np.stack([thinness, rod], 1)], 1),

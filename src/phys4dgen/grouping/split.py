@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from phys4dgen.errors import StageError, did_you_mean
 from phys4dgen.grouping.attach import attach, number_from_the_ground
+from phys4dgen.grouping.clicked import parts_by_random_walk
 from phys4dgen.grouping.cutting import cut_tree
-from phys4dgen.grouping.merging import grow_from_seeds, merge_tree
+from phys4dgen.grouping.merging import merge_tree
 from phys4dgen.grouping.patch_graph import PatchGraph
 from phys4dgen.grouping.seeds import seed_patches
 from phys4dgen.grouping.supervoxels import object_radius
@@ -70,7 +71,7 @@ def split_part(
     if taken:
         raise StageError(f"grouping.edits: a piece of '{name}' cannot be called '{taken[0]}': there is such a part.")
     own = gaussians.subset(rows)
-    piece = attach(own, inside.patch[rows], piece_of_patch, radius=object_radius(gaussians))
+    piece = attach(own, inside.patch[rows], piece_of_patch, color=inside.color[rows], radius=object_radius(gaussians))
     found = len(np.unique(piece))
     if found < wanted:
         cure = "click on larger ones" if seeds else "ask for fewer, or click on each piece instead (--seed)"
@@ -105,7 +106,7 @@ def _by_seeds(
             raise StageError(f"grouping.edits: the click for '{piece}' falls on another part than '{name}'.")
     known = seed_patches(inside, gaussians, seeds)
     if len(seeds) > 1:
-        return grow_from_seeds(inside, known), list(seeds)
+        return parts_by_random_walk(inside, known), list(seeds)
     half = cut_tree(merge_tree(inside), 2)
     clicked_half = half[np.flatnonzero(known >= 0)[0]]
     return np.where(half == clicked_half, 0, 1), [next(iter(seeds)), name]

@@ -36,6 +36,7 @@ class Supervoxels:
     Attributes:
         core: indices of the Gaussians that are the visible surface, shape [C].
         patch: patch of each core Gaussian, shape [C].
+        color: rendered colour of each (LIGHTNESS_WEIGHT * L, a, b), shape [C, 3].
         neighbours: nearest core neighbours of each core Gaussian (positions in ``core``), shape [C, 12].
         mean: mean colour (LIGHTNESS_WEIGHT * L, a, b), shape [S, 3].
         spread: standard deviation of the colour, shape [S, 3].
@@ -50,6 +51,7 @@ class Supervoxels:
 
     core: NDArray[np.intp]
     patch: NDArray[np.intp]
+    color: NDArray[np.float64]
     neighbours: NDArray[np.int32]
     mean: NDArray[np.float64]
     spread: NDArray[np.float64]
@@ -218,6 +220,7 @@ def _describe(
     return Supervoxels(
         core=core,
         patch=patch,
+        color=raw,
         neighbours=neighbours,
         mean=mean_of(smooth),
         spread=spread,

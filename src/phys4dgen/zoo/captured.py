@@ -3,8 +3,9 @@
 The figures are those measured on real splats: of the Gaussians of a capture 30 % have an opacity above 0.5, 45 % one
 between 0.1 and 0.5, 25 % less; the lightness of neighbours differs by a heavy-tailed 6, 11 and 22 units in these three
 classes, a and b by less; every eighth has taken on colour from its neighbours; many are needles; one in fifty is a big
-faint floater of any colour. Where the photographer never looked there is nothing: about holes, and under what stands on
-a table.
+faint floater of any colour. Where no photograph shows anything there is nothing: about holes, under what stands on a
+table, and inside. A splat is optimised to look like its photographs; a Gaussian that none of them shows is never
+placed there or is pruned (as in Niemeyer et al., "RadSplat", 2024, Sec. 3.3, by the largest weight in any pixel).
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from phys4dgen.render.cameras import view_cameras
+from phys4dgen.render.views import render_label_maps
 from phys4dgen.types import SH_C0, Gaussians, rotation_from_quats
 from phys4dgen.types.color import lab_to_srgb, srgb_to_lab
 
@@ -31,6 +34,9 @@ _BLEED_NEIGHBOURS = 24
 _FLOATER_SHARE = 0.02
 _HOLE_RADIUS = 0.05
 """Of half the object's diagonal."""
+_PHOTOGRAPH_PX = 512
+_PHOTOGRAPHED_FROM = (np.eye(3), np.diag([1.0, -1.0, -1.0]))
+"""Rotations under which the ``object`` views are taken: from one side all around, and from the other."""
 _MAX_HOLE_SHARE = 0.25
 """A part that would lose more than this to holes keeps all of its Gaussians."""
 
@@ -52,9 +58,12 @@ def as_captured(
         hole_count: places about which the surface is missing.
 
     Returns:
-        About N Gaussians without view-dependent colour, and their parts; ``FLOATER`` for those of no part.
+        About as many Gaussians as can be seen from outside, without view-dependent colour, and their parts; ``FLOATER``
+        for those of no part.
     """
     rng = np.random.default_rng([seed, 41])
+    shown = _shown(gaussians)
+    gaussians, labels = gaussians.subset(shown), labels[shown]
     kept = ~_in_holes(gaussians.means, labels, hole_count, np.random.default_rng([seed, 43]))
     gaussians, labels = gaussians.subset(kept), labels[kept]
     n = len(gaussians)
@@ -101,6 +110,17 @@ def without_underside(
     return gaussians.subset(kept), labels[kept]
 
 
+def _shown(gaussians: Gaussians) -> NDArray[np.bool_]:
+    """Which Gaussians are the surface in a pixel of any of 58 photographs from all sides, shape [N]."""
+    shown = np.zeros(len(gaussians), np.bool_)
+    for rotation in _PHOTOGRAPHED_FROM:
+        lower, upper = gaussians.robust_bounds(rotation=rotation)
+        cameras = view_cameras("object", lower=lower, upper=upper, rotation=rotation, size_px=_PHOTOGRAPH_PX)
+        front = render_label_maps(gaussians, np.arange(len(gaussians)), cameras)
+        shown[front[front >= 0]] = True
+    return shown
+
+
 def _in_holes(
     means: NDArray[np.float32], labels: NDArray[np.int32], count: int, rng: np.random.Generator
 ) -> NDArray[np.bool_]:
@@ -108,7 +128,7 @@ def _in_holes(
     radius = _HOLE_RADIUS * _half_diagonal(means)
     centres = means[rng.integers(0, len(means), count)]
     missing = np.isfinite(KDTree(centres).query(means, distance_upper_bound=radius)[0]) if count else labels < 0
-    lost = np.bincount(labels[missing], minlength=labels.max() + 1) / np.bincount(labels)
+    lost = np.bincount(labels[missing], minlength=labels.max() + 1) / np.maximum(np.bincount(labels), 1)
     return missing & (lost[labels] <= _MAX_HOLE_SHARE)
 
 
