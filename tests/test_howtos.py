@@ -100,8 +100,7 @@ def run_here(monkeypatch, capsys):
 def prepare(lines, folder):
     """The files of the person who reads the page."""
     if any("plant.ply" in line for line in lines):
-        plant = bundled("potted_flower") if any("group" in line for line in lines) else thinned("potted_flower")
-        save_gaussians(plant.gaussians, folder / "plant.ply")
+        save_gaussians(thinned("potted_flower").gaussians, folder / "plant.ply")
     if any("duck.png" in line for line in lines):
         draw_duck(folder / "duck.png")
     if any("import-physgaussian" in line for line in lines):
