@@ -6,7 +6,8 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from phys4dgen.cli.arguments import Arguments, add_generate_flags, scene_from
+from phys4dgen.cli.arguments import Arguments, scene_from
+from phys4dgen.cli.flags import add_generate_flags
 
 __all__ = ["SCENE_KEYS", "add_flags", "run"]
 

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from phys4dgen.cli.arguments import Arguments, add_generate_flags, scene_from
+from phys4dgen.cli.arguments import Arguments, scene_from
+from phys4dgen.cli.flags import add_generate_flags
 
 if TYPE_CHECKING:
     from phys4dgen.scene import Scene

@@ -5,14 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from phys4dgen.cli.arguments import (
-    IDENTIFY_FLAGS,
-    IDENTIFY_SWITCHES,
-    Arguments,
-    add_flags_of,
-    add_switches,
-    scene_with,
-)
+from phys4dgen.cli.arguments import Arguments, scene_with
+from phys4dgen.cli.flags import IDENTIFY_FLAGS, IDENTIFY_SWITCHES, add_flags_of, add_switches
 from phys4dgen.errors import SceneError
 from phys4dgen.progress import Progress
 

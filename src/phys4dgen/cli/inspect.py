@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from phys4dgen.cli.arguments import SELECT_FLAGS, Arguments, add_flags_of
+from phys4dgen.cli.arguments import Arguments
+from phys4dgen.cli.flags import SELECT_FLAGS, add_flags_of
 
 __all__ = ["SCENE_KEYS", "add_flags", "fact_lines", "run"]
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from phys4dgen.cli.arguments import FILM_FLAGS, Arguments, add_flags_of, scene_with
+from phys4dgen.cli.arguments import Arguments, scene_with
+from phys4dgen.cli.flags import FILM_FLAGS, add_flags_of
 from phys4dgen.errors import SceneError
 
 __all__ = ["SCENE_KEYS", "add_flags", "run"]

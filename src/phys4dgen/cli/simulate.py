@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from phys4dgen.cli.arguments import Arguments, add_simulate_flags, scene_with
+from phys4dgen.cli.arguments import Arguments, scene_with
+from phys4dgen.cli.flags import add_simulate_flags
 
 __all__ = ["SCENE_KEYS", "add_flags", "run"]
 
