@@ -1,0 +1,91 @@
+"""The random walk from clicks: as theory has it on chains, over islands by their look, stopped by creases and edges."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phys4dgen.grouping.clicked import parts_by_random_walk
+from phys4dgen.grouping.patch_graph import PatchGraph
+
+
+def graph(look: list[float], touching: list[tuple[int, int]], crease: dict[tuple[int, int], float]) -> PatchGraph:
+    """Patches that differ in lightness alone; one length of border everywhere."""
+    count = len(look)
+    feature = np.zeros((count, 5))
+    feature[:, 0] = look
+    return PatchGraph(
+        patch=np.arange(count, dtype=np.int32),
+        color=feature[:, :3].astype(np.float32),
+        visible=np.ones(count, np.bool_),
+        area=np.full(count, 1 / count),
+        feature=feature,
+        spread=np.zeros((count, 3)),
+        touching=np.array(touching, np.int32).reshape(-1, 2),
+        border=np.full(len(touching), 10.0),
+        crease=np.array([crease.get(pair, 0.0) for pair in touching]),
+    )
+
+
+def chain(count: int) -> list[tuple[int, int]]:
+    return [(i, i + 1) for i in range(count - 1)]
+
+
+def clicks(count: int, *places: int) -> np.ndarray:
+    seeds = np.full(count, -1)
+    seeds[list(places)] = np.arange(len(places))
+    return seeds
+
+
+def test_on_an_even_chain_the_border_lies_half_way():
+    part = parts_by_random_walk(graph([30.0] * 11, chain(11), {}), clicks(11, 0, 9))
+    np.testing.assert_array_equal(part, [0] * 5 + [1] * 6)
+
+
+def test_the_border_lies_on_the_edge_of_colour_not_half_way():
+    part = parts_by_random_walk(graph([30.0] * 3 + [60.0] * 9, chain(12), {}), clicks(12, 0, 11))
+    np.testing.assert_array_equal(part, [0] * 3 + [1] * 9)
+
+
+def test_the_border_lies_in_the_crease_where_all_is_of_one_colour():
+    part = parts_by_random_walk(graph([30.0] * 12, chain(12), {(7, 8): 0.6}), clicks(12, 0, 11))
+    np.testing.assert_array_equal(part, [0] * 8 + [1] * 4)
+
+
+def test_an_island_belongs_to_what_it_looks_like():
+    """The second half of a bun: between it and the click lies something else, which it touches."""
+    look = [50.0] * 4 + [10.0] * 4 + [50.0] * 4
+    part = parts_by_random_walk(graph(look, chain(12), {}), clicks(12, 1, 6))
+    np.testing.assert_array_equal(part, [0] * 4 + [1] * 4 + [0] * 4)
+
+
+def test_what_can_be_reached_does_not_leap():
+    """A far patch of exactly the other click's look still belongs to the surface that it is a smooth part of."""
+    look = [30.0, 31, 32, 33, 34, 35, 36, 37, 60, 60, 37]
+    joined = [pair for pair in chain(11) if pair != (9, 10)]
+    part = parts_by_random_walk(graph(look, joined, {}), clicks(11, 0, 10))
+    np.testing.assert_array_equal(part[:8], 0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(1, 40), st.integers(0, 10**6))
+def test_any_graph_gives_every_patch_a_part_and_keeps_the_clicks(count: int, seed: int):
+    rng = np.random.default_rng(seed)
+    pairs = [(i, j) for i in range(count) for j in range(i + 1, count) if rng.uniform() < 2 / count]
+    some = graph(list(rng.uniform(0, 50, count)), pairs, {pair: rng.uniform(-0.5, 1) for pair in pairs})
+    seeds = clicks(count, *rng.permutation(count)[: rng.integers(1, min(count, 5) + 1)])
+    part = parts_by_random_walk(some, seeds)
+    assert set(part) == set(seeds[seeds >= 0])
+    np.testing.assert_array_equal(part[seeds >= 0], seeds[seeds >= 0])
+    # The same whatever the patches are called.
+    order = rng.permutation(count)
+    number = np.argsort(order)
+    renamed = replace(some, feature=some.feature[order], touching=np.sort(number[some.touching], 1).astype(np.int32))
+    np.testing.assert_array_equal(parts_by_random_walk(renamed, seeds[order]), part[order])
+
+
+def test_one_click_means_one_part():
+    np.testing.assert_array_equal(parts_by_random_walk(graph([1.0, 90, 5], [], {}), clicks(3, 1)), [0, 0, 0])
