@@ -32,7 +32,8 @@ SEPARATOR = "/"
 
 def object_of(name: str) -> str:
     """The object that a part belongs to, by the part's name; empty where there is one object alone."""
-    return name.rpartition(SEPARATOR)[0]
+    owner, separator, _ = name.partition(SEPARATOR)
+    return owner if separator else ""
 
 
 def parts_meant(name: str, names: Sequence[str]) -> tuple[str, ...]:

@@ -46,9 +46,9 @@ class Apart:
     particles: NDArray[np.bool_]
 
 
-def objects_apart(parts: Parts, continuum: Continuum) -> tuple[Apart, ...]:
+def objects_apart(scene: Scene, parts: Parts, continuum: Continuum) -> tuple[Apart, ...]:
     """The objects that there are, in the order of their parts."""
-    owners = [object_of(name) for name in parts.names]
+    owners = [object_of(name) if scene.objects else "" for name in parts.names]
     found = []
     for name in dict.fromkeys(owners):
         numbers = np.flatnonzero([owner == name for owner in owners])
@@ -57,13 +57,20 @@ def objects_apart(parts: Parts, continuum: Continuum) -> tuple[Apart, ...]:
 
 
 def held_by_object(
-    continuum: Continuum, parts: Parts, asset: Asset, *, holds: Mapping[str, str], automatic: bool, lowest_share: float
+    scene: Scene,
+    asset: Asset,
+    parts: Parts,
+    continuum: Continuum,
+    *,
+    holds: Mapping[str, str],
+    automatic: bool,
+    lowest_share: float,
 ) -> Held:
     """``choose_held`` for each object by itself."""
     particles = np.zeros(len(continuum), np.bool_)
     names: list[str] = []
     reasons: dict[str, str] = {}
-    for own in objects_apart(parts, continuum):
+    for own in objects_apart(scene, parts, continuum):
         mine = np.isin(parts.labels, own.numbers)
         labels = np.searchsorted(own.numbers, parts.labels[mine]).astype(np.int32)
         own_parts = Parts(labels, tuple(parts.names[number] for number in own.numbers), parts.backend)
@@ -86,12 +93,12 @@ def held_by_object(
 
 
 def rigid_by_object(
-    continuum: Continuum, parts: Parts, asset: Asset, *, rigid_parts: list[int], held: NDArray[np.bool_]
+    scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, *, rigid_parts: list[int], held: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
     """``rigid_bodies`` for each object by itself: two that touch are never one body, nor held by one another."""
     rest_m = asset.frame.to_metres(continuum.positions)
     body, stuck = np.full(len(continuum), -1, np.int32), np.zeros(len(continuum), np.bool_)
-    for own in objects_apart(parts, continuum):
+    for own in objects_apart(scene, parts, continuum):
         mine = own.particles
         bodies, stuck[mine] = rigid_bodies(
             rest_m[mine], continuum.part[mine], rigid_parts=rigid_parts, held=held[mine], cell_m=asset.cell_m
@@ -100,13 +107,15 @@ def rigid_by_object(
     return body, stuck
 
 
-def bonded_by_object(continuum: Continuum, parts: Parts, asset: Asset, *, held: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def bonded_by_object(
+    scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, *, held: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
     """``bonded_to_held`` for each object by itself; what is near another object's held matter only touches it."""
     rest_m = asset.frame.to_metres(continuum.positions)
     pieces = np.stack([continuum.part, continuum.piece], 1)
     piece = np.unique(pieces, axis=0, return_inverse=True)[1].reshape(-1)
     bonded = np.ones(len(continuum), np.bool_)
-    for own in objects_apart(parts, continuum):
+    for own in objects_apart(scene, parts, continuum):
         mine = own.particles
         anything_held = bool(held[mine].any()) or not held.any()
         bonded[mine] = anything_held
@@ -115,9 +124,9 @@ def bonded_by_object(continuum: Continuum, parts: Parts, asset: Asset, *, held: 
     return bonded
 
 
-def skin_by_object(asset: Asset, parts: Parts, continuum: Continuum, *, held_parts: list[int]) -> Skin:
+def skin_by_object(scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, *, held_parts: list[int]) -> Skin:
     """``skin`` for each object by itself, so that none carries Gaussians of another."""
-    objects = objects_apart(parts, continuum)
+    objects = objects_apart(scene, parts, continuum)
     if len(objects) == 1:
         return skin(asset.gaussians, parts.labels, continuum, frame=asset.frame, held_parts=held_parts)
     joined: dict[str, NDArray[Any]] = {}
@@ -135,12 +144,12 @@ def skin_by_object(asset: Asset, parts: Parts, continuum: Continuum, *, held_par
 
 
 def starting_velocities(
-    scene: Scene, parts: Parts, continuum: Continuum, asset: Asset, *, mass_kg: NDArray[np.float64]
+    scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, *, mass_kg: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Velocity with which each particle starts, metres per second, z up, [P, 3]."""
     rest_m = asset.frame.to_metres(continuum.positions)
     velocities = np.zeros((len(continuum), 3))
-    for own in objects_apart(parts, continuum):
+    for own in objects_apart(scene, parts, continuum):
         placed = scene.objects.get(own.name)
         if placed is None:
             continue

@@ -65,7 +65,7 @@ def move(
         f"per frame, {scene.frame_count} frames."
     )
     at_last = changed_body(assembly.body, plan.settings.changes, math.inf)  # what melts on the way parts as well
-    animator = _animator(asset, parts, continuum, held, assembly.body.flows | at_last.flows)
+    animator = _animator(scene, asset, parts, continuum, held, assembly.body.flows | at_last.flows)
     times_s = np.arange(scene.frame_count, dtype=np.float64) * scene.frame_time_s
 
     def frames() -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
@@ -105,9 +105,11 @@ def _tell_what_differs(
     facts.part_mass_g = _part_masses_g(parts, continuum, assembly)
 
 
-def _animator(asset: Asset, parts: Parts, continuum: Continuum, held: Held, loose: NDArray[np.bool_]) -> Animator:
+def _animator(
+    scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, held: Held, loose: NDArray[np.bool_]
+) -> Animator:
     held_parts = [parts.names.index(name) for name in held.parts]
-    skinning = skin_by_object(asset, parts, continuum, held_parts=held_parts)
+    skinning = skin_by_object(scene, asset, parts, continuum, held_parts=held_parts)
     return Animator(asset.gaussians, skinning, continuum.positions, loose=loose)
 
 

@@ -147,9 +147,10 @@ def _prepare(given: _Given, preset: str) -> _Prepared:
     named = {name: "free" for name in told_parts(scene.forces, parts)}
     named |= {name: hold for name, hold in options.items() if hold != "auto"}
     held = held_by_object(
-        continuum,
-        parts,
+        scene,
         asset,
+        parts,
+        continuum,
         holds=named,
         automatic=around.holds_what_stands,
         lowest_share=around.lowest_share,
@@ -157,7 +158,7 @@ def _prepare(given: _Given, preset: str) -> _Prepared:
     held = _with_pinned(held, parts, continuum, pinned(around.boundaries, continuum, parts))
     reasons = {parts.names.index(name): "as asked for" for name, hold in options.items() if hold == "rigid"}
     while True:
-        body_of, stuck = rigid_by_object(continuum, parts, asset, rigid_parts=list(reasons), held=held.particles)
+        body_of, stuck = rigid_by_object(scene, asset, parts, continuum, rigid_parts=list(reasons), held=held.particles)
         clamped = _with_stuck(held, continuum, parts, stuck)
         assembly = _assembled(given, clamped, body_of)
         settings = _settings(given, around, clamped, assembly.body)
@@ -223,8 +224,8 @@ def _assembled(given: _Given, held: Held, body_of: NDArray[np.int32]) -> Assembl
     body = replace(
         assembly.body,
         rigid_group=body_of,
-        bonded_to_held=bonded_by_object(continuum, given.parts, asset, held=held.particles),
-        velocities_ms=starting_velocities(scene, given.parts, continuum, asset, mass_kg=assembly.mass_kg)
+        bonded_to_held=bonded_by_object(scene, asset, given.parts, continuum, held=held.particles),
+        velocities_ms=starting_velocities(scene, asset, given.parts, continuum, mass_kg=assembly.mass_kg)
         * ~held.particles[:, None],
     )
     return replace(assembly, body=body)
