@@ -114,7 +114,7 @@ def scene_of_run(folder: Path | str) -> Scene:
         raise RunError(
             f"{folder}: expected a run folder with a scene.yaml; 'phys4dgen generate INPUT -o RUN' makes one."
         )
-    whole = folder.absolute().parents[1]
+    whole = folder.absolute().parent.parent
     if RunFolder(whole).objects == folder.absolute().parent and (whole / STATE_NAME).is_file():
         raise RunError(f"{folder}: is one of several objects and follows {whole}; use the command on {whole}.")
     return load_scene(scene_yaml)
