@@ -6,7 +6,7 @@
 Three columns: with default options, with the number of parts given, and with one click per part (in the middle of the
 largest patch of that part in any of the ``object`` views). All Gaussians with opacity above 0.05 count, buried ones
 included, floaters not; a true part without a partner counts 0. The same three follow for the surface that can be seen:
-of the captures at hand 91 to 93 % can, of the hamburger here 51 %. The settings were chosen on the first half of the
+of the captures at hand 89 to 93 % can, of the hamburger here 73 %. The settings were chosen on the first half of the
 bundled objects and on those of the study. Exit code 1 when a mean misses its limit.
 """
 
