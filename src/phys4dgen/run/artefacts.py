@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import StageError
-from phys4dgen.export.pictures import write_png
+from phys4dgen.export.pictures import parts_picture, write_png
 from phys4dgen.grouping.merging import MergeTree, tree_from_arrays
 from phys4dgen.interior import Interior
 from phys4dgen.interior.bridge import BridgeReport
@@ -26,6 +26,7 @@ __all__ = [
     "write_groups",
     "write_interior",
     "write_part_maps",
+    "write_parts_picture",
     "write_tree",
     "write_views",
 ]
@@ -74,6 +75,25 @@ def write_part_maps(run: RunFolder, masks: Masks) -> None:
         write_png(
             (labels + 1).astype(np.uint16 if labels.max() > 254 else np.uint8), run.views / f"view_{i:02d}_parts.png"
         )
+
+
+def write_parts_picture(run: RunFolder, parts: Parts, views: Views, maps: NDArray[np.int32]) -> None:
+    """Write ``parts.png``: two views from the side, beside them where each part lies and its share of the Gaussians.
+
+    Args:
+        run: the folder.
+        parts: of the object.
+        views: of the object.
+        maps: number of the part that each pixel of a view shows, -1 for none, [V, H, W].
+    """
+    shown = [len(views) // 3, len(views) // 3 + 2]  # two views from the side in every preset
+    picture = parts_picture(
+        [_eight_bit(views.rgb[i]) for i in shown],
+        [maps[i] for i in shown],
+        names=parts.names,
+        shares=[float((parts.labels == number).mean()) for number in range(parts.count)],
+    )
+    write_png(picture, run.parts_png)
 
 
 def write_groups(run: RunFolder, parts: Parts, *, surroundings: Surroundings | None = None) -> None:

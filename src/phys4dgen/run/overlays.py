@@ -47,8 +47,8 @@ def render_overlay(folder: Path | str, scene: Scene, name: str, *, progress: Pro
     from phys4dgen.run.film_files import write_video_and_sheet
     from phys4dgen.run.generate import use_threads
     from phys4dgen.run.material_edits import current_book
+    from phys4dgen.run.motion_files import recalled_motion
     from phys4dgen.run.source_files import read_source
-    from phys4dgen.run.store import recalled_motion
     from phys4dgen.stages.asset import load
     from phys4dgen.stages.film import film
     from phys4dgen.stages.overlays import OVERLAYS, OverlayInputs

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import functools
-import json
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from phys4dgen.errors import RunError
-from phys4dgen.export.pictures import parts_picture, write_png
-from phys4dgen.export.trajectory import read_trajectory, trajectory_writer
+from phys4dgen.export.pictures import write_png
 from phys4dgen.grouping.merging import MergeTree
 from phys4dgen.interior import Interior
 from phys4dgen.render.views import render_label_maps
@@ -26,16 +21,17 @@ from phys4dgen.run.artefacts import (
     write_groups,
     write_interior,
     write_part_maps,
+    write_parts_picture,
     write_tree,
     write_views,
 )
-from phys4dgen.run.digests import MotionDigest, book_products, interior_products, needs_digest, parts_products
+from phys4dgen.run.digests import book_products, interior_products, needs_digest, parts_products
 from phys4dgen.run.film_files import Frames, write_film
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.group_edits import spare_edited_groups
 from phys4dgen.run.material_edits import current_book, edited_materials, with_edits, write_both
+from phys4dgen.run.motion_files import products_of_motion, recalled_facts, recalled_motion, write_motion
 from phys4dgen.run.objects import Fill, products_of_objects, understand_objects
-from phys4dgen.run.partial_motion import PartialMotion
 from phys4dgen.run.prediction import peak_bytes, predicted_bytes
 from phys4dgen.run.recorder import RecordingProgress
 from phys4dgen.run.report import PartReport, part_reports
@@ -53,7 +49,7 @@ from phys4dgen.stages.selection_picture import selection_picture
 from phys4dgen.stages.several import ReadyObject
 from phys4dgen.types import Masks, Material, MaterialBook, Parts, Views
 
-__all__ = ["RunStore", "recalled_motion"]
+__all__ = ["RunStore"]
 
 MaterialOf = tuple[str, str]
 """Name of a part, and surface or interior."""
@@ -268,14 +264,7 @@ class RunStore:
         self._spare_edited_groups()
         write_groups(self.run, parts, surroundings=self._object().surroundings)
         write_part_maps(self.run, Masks(labels=maps))
-        shown = [len(views) // 3, len(views) // 3 + 2]  # two views from the side in every preset
-        picture = parts_picture(
-            [_eight_bit(views.rgb[i]) for i in shown],
-            [maps[i] for i in shown],
-            names=parts.names,
-            shares=[float((parts.labels == number).mean()) for number in range(parts.count)],
-        )
-        write_png(picture, self.run.parts_png)
+        write_parts_picture(self.run, parts, views, maps)
         return self._read_grouping()
 
     def _spare_edited_groups(self) -> None:
@@ -356,31 +345,14 @@ class RunStore:
 
     def _keep_motion(self, motion: Motion) -> Recalled:
         asset = self._object()
-        digest = MotionDigest(motion.times_s)
-        partial = PartialMotion(
-            self.run.trajectory_partial,
-            made_from=needs_digest(self._needs["simulate"]),
-            gaussian_count=len(asset.gaussians),
-            progress=self.progress,
-        )
-        path, count = self.run.trajectory_npz, len(asset.whole)
-        with trajectory_writer(path, times_s=motion.times_s, gaussian_count=count) as append:
-            for positions, gradients in partial.frames_of(motion):
-                around = asset.surroundings
-                append(*((positions, gradients) if around is None else around.moved(positions, gradients)))
-                digest.add(positions, gradients)
-        self.run.write_json(self.run.motion_json, motion.facts)
-        partial.remove()
-        return self._motion_on_disk(digest.products())
+        made_from = needs_digest(self._needs["simulate"])
+        products = write_motion(self.run, asset, motion, made_from=made_from, progress=self.progress)
+        return self._motion_on_disk(products)
 
     def _read_motion(self, record: StageRecord) -> Recalled:
         if self.run.is_untouched(stage_named("simulate")):
             return self._motion_on_disk(record.products)
-        motion = recalled_motion(self.run, self._object())
-        digest = MotionDigest(motion.times_s)
-        for positions, gradients in motion.frames():
-            digest.add(positions, gradients)
-        return self._motion_on_disk(digest.products())
+        return self._motion_on_disk(products_of_motion(recalled_motion(self.run, self._object())))
 
     def _motion_on_disk(self, products: Mapping[str, str]) -> Recalled:
         self.facts = recalled_facts(self.run)
@@ -418,35 +390,3 @@ class RunStore:
     def _object(self) -> Asset:
         assert self.asset is not None
         return self.asset
-
-
-def recalled_facts(run: RunFolder) -> MotionFacts:
-    """What motion.json says, as far as this version knows it."""
-    written = json.loads(run.motion_json.read_text("utf-8"))
-    known = [entry.name for entry in fields(MotionFacts)]
-    return MotionFacts(**{name: value for name, value in written.items() if name in known})
-
-
-def recalled_motion(run: RunFolder, asset: Asset) -> Motion:
-    """The motion of the object that lies in a run folder.
-
-    Raises:
-        RunError: it is the motion of something else.
-    """
-    trajectory = read_trajectory(run.trajectory_npz)
-    if trajectory.positions.shape[1] != len(asset.whole):
-        raise RunError(
-            f"{run.trajectory_npz}: expected the motion of {len(asset.whole)} Gaussians, got that of "
-            f"{trajectory.positions.shape[1]}; 'phys4dgen simulate {run.root}' makes it again."
-        )
-    rows = slice(None) if asset.surroundings is None else asset.surroundings.object_rows
-
-    def frames() -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-        for positions, gradients in zip(trajectory.positions, trajectory.deformation_gradients, strict=True):
-            yield positions[rows], gradients[rows]
-
-    return Motion(trajectory.times_s, frames, recalled_facts(run))
-
-
-def _eight_bit(values: NDArray[np.float32]) -> NDArray[np.uint8]:
-    return np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8)
