@@ -126,7 +126,13 @@ STAGES = (
         code=(
             *_SHARED_CODE,
             *("mpm", "body.py", "joints.py", "motion.py", "animate"),
-            *("stages/motion.py", "stages/motion_plan.py", "stages/motion_facts.py", "stages/motion_loads.py"),
+            *(
+                "stages/motion.py",
+                "stages/motion_body.py",
+                "stages/motion_plan.py",
+                "stages/motion_facts.py",
+                "stages/motion_loads.py",
+            ),
             *("stages/motion_changes.py", "stages/motion_obstacles.py", "stages/motion_presets.py"),
             *("stages/apart.py", "stages/simulation.py"),
         ),
