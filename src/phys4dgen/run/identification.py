@@ -89,7 +89,7 @@ def _answers(
     scene: Scene, models: Sequence[str], images: SubImages, names: Sequence[str], folder: Path, progress: Progress
 ) -> dict[str, tuple[Reading, ...]]:
     """What each model answers, by model."""
-    from phys4dgen.materials.mllm import AnswerCache, ask, telling_names
+    from phys4dgen.materials.mllm import ask_names
     from phys4dgen.stages.materials import asking, model_endpoint
 
     wanted = asking(scene)
@@ -98,18 +98,8 @@ def _answers(
         name, _, url = model.partition("@")
         base_url = url or scene.materials.base_url
         target = model_endpoint(scene.with_overrides({"materials.model": name, "materials.base_url": base_url}))
-        answers[model] = ask(
-            target,
-            images,
-            telling_names(names),
-            samples=wanted.samples,
-            temperature=wanted.temperature,
-            cache=AnswerCache(folder),
-            limits=wanted.limits,
-            allow_upload=wanted.allow_upload,
-            offline=wanted.offline,
-            progress=progress,
-        ).readings
+        asked = ask_names(target, images, names, wanted, folder=folder, progress=progress)
+        answers[model] = asked.readings
     return answers
 
 

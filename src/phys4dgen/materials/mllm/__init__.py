@@ -3,7 +3,7 @@
 from phys4dgen.materials.mllm.budget import Limits
 from phys4dgen.materials.mllm.cache import AnswerCache
 from phys4dgen.materials.mllm.endpoint import DEFAULT_BASE_URL, DEFAULT_MODEL, Endpoint, endpoint
-from phys4dgen.materials.mllm.identify import Asking, Identification, identify_by_model, kept_answers, telling_names
+from phys4dgen.materials.mllm.identify import Asking, Identification, ask_names, identify_by_model, kept_answers
 from phys4dgen.materials.mllm.kept_pictures import kept_pictures, pictures_digest
 from phys4dgen.materials.mllm.reading import Reading
 from phys4dgen.materials.mllm.reliability import comparison_table, reliability_table
@@ -23,6 +23,7 @@ __all__ = [
     "Reading",
     "SubImages",
     "ask",
+    "ask_names",
     "comparison_table",
     "endpoint",
     "front_views",
@@ -33,5 +34,4 @@ __all__ = [
     "picture_view",
     "pictures_digest",
     "reliability_table",
-    "telling_names",
 ]

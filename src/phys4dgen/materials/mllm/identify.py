@@ -26,7 +26,7 @@ from phys4dgen.materials.mllm.subimages import SubImages
 from phys4dgen.progress import SILENT, Progress
 from phys4dgen.types import MaterialBook, PartMaterials
 
-__all__ = ["Asking", "Identification", "identify_by_model", "kept_answers", "telling_names"]
+__all__ = ["Asking", "Identification", "ask_names", "identify_by_model", "kept_answers"]
 
 
 @dataclass(frozen=True)
@@ -73,6 +73,36 @@ class Identification:
     checked: Mapping[str, Checked]
 
 
+def ask_names(
+    target: Endpoint, images: SubImages, part_names: Sequence[str], asking: Asking, *, folder: Path, progress: Progress
+) -> Asked:
+    """Ask a model of all parts, without a look at its answers.
+
+    Args:
+        target: whom to ask.
+        images: what is shown.
+        part_names: of the run.
+        asking: how often, and at what cost.
+        folder: where answers are kept and looked for.
+        progress: told what is sent.
+
+    Raises:
+        StageError: nothing may be or could be asked, or no answer could be read.
+    """
+    return ask(
+        target,
+        images,
+        _telling_names(part_names),
+        samples=asking.samples,
+        temperature=asking.temperature,
+        cache=AnswerCache(folder),
+        limits=asking.limits,
+        allow_upload=asking.allow_upload,
+        offline=asking.offline,
+        progress=progress,
+    )
+
+
 def identify_by_model(
     target: Endpoint,
     images: SubImages,
@@ -97,18 +127,7 @@ def identify_by_model(
     Raises:
         StageError: nothing may be or could be asked, or no answer could be read.
     """
-    asked = ask(
-        target,
-        images,
-        telling_names(part_names),
-        samples=asking.samples,
-        temperature=asking.temperature,
-        cache=AnswerCache(folder),
-        limits=asking.limits,
-        allow_upload=asking.allow_upload,
-        offline=asking.offline,
-        progress=progress,
-    )
+    asked = ask_names(target, images, part_names, asking, folder=folder, progress=progress)
     _tell(asked, asking, progress)
     agreed: dict[str, PartConsensus] = {}
     checked: dict[str, Checked] = {}
@@ -142,7 +161,7 @@ def identify_by_model(
     return found
 
 
-def telling_names(part_names: Sequence[str]) -> dict[int, str]:
+def _telling_names(part_names: Sequence[str]) -> dict[int, str]:
     """Names by part number, without those that were only numbered (part_0)."""
     return {number: name for number, name in enumerate(part_names) if not name.startswith("part_")}
 
