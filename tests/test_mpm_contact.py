@@ -68,6 +68,25 @@ def test_ground_that_slips_and_ground_that_sticks(contact):
         assert speed == pytest.approx(0.5 if contact == "slip" else 0.0, abs=0.05)
 
 
+@pytest.mark.parametrize("contact", ["slip", "sticky"])
+def test_a_slender_rigid_rod_gains_no_energy_from_ground_that_does_not_let_go(contact):
+    dx = 0.02
+    x = lattice((2, 2, 10), dx / 2)
+    x = (x - x.mean(0)) @ Rotation.from_euler("xy", [24, 18], degrees=True).as_matrix().T
+    b = as_rigid(body(x - [0, 0, x[:, 2].min() - 0.03], (dx / 2) ** 3))
+    simulator = Simulator(b, Settings(dx, 0.01, gravity_ms2=(0, 0, -G), ground=Ground(0.0, contact, restitution=0.6)))
+    height = b.mass_kg * G @ b.positions_m[:, 2]
+    fell = False
+    for _ in range(30):
+        frame = simulator.advance()
+        energy = frame.kinetic_energy_j + b.mass_kg * G @ frame.positions_m[:, 2]
+        assert energy < 1.01 * height
+        fell = fell or frame.kinetic_energy_j > 0.1 * height
+    assert fell
+    lowest = frame.positions_m[:, 2].min()
+    assert 0 < lowest < dx / 2  # the end that came down stays there
+
+
 def test_a_body_below_the_ground_is_refused():
     with pytest.raises(SimulationError, match=r"'part_0' starts 0.0\d+ m below the ground at z = 0.1 m"):
         Simulator(body(lattice((4, 4, 4), 0.01), 1e-6), Settings(0.02, 0.01, ground=Ground(0.1)))

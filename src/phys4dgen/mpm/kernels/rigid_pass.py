@@ -299,14 +299,15 @@ def _add_impulse(axis, size, arm, mass, v, momentum):
 def _strike(motion, rotation, v, momentum, mass, W, points, radii, impulses, obstacles, reactions, resting_ms, dt):
     """Impulses of obstacles on one group; changes its velocity ``v`` [3] and angular momentum ``momentum`` [3].
 
-    Per contact point the normal velocity after the substep must not carry the point into the obstacle; the friction of
-    each point stays in the Coulomb cone of its normal impulse. Both are found by sweeping over the points, starting
-    from the impulses of the last substep.
+    Per contact point the normal velocity after the substep must not carry the point into the obstacle, nor away from
+    one that does not let go (SLIP, STICKY) once they touch; the friction of each point stays in the Coulomb cone of its
+    normal impulse. Both are found by sweeping over the points, starting from the impulses of the last substep.
     """
     most = len(points) * len(obstacles)
     arms = np.zeros((most, 3))
     axes = np.zeros((most, 3, 3))
-    wanted = np.zeros(most)
+    least = np.zeros(most)  # normal velocities allowed after the substep
+    greatest = np.zeros(most)
     which = np.zeros((most, 2), np.int64)
     normal = np.zeros(3)
     touching = 0
@@ -333,9 +334,11 @@ def _strike(motion, rotation, v, momentum, mass, W, points, radii, impulses, obs
             for k in range(3):
                 arms[touching, k] = arm[k] - radii[i] * normal[k]  # the point that touches
             _set_axes(normal, axes[touching])
-            wanted[touching] = -gap / dt if gap > 0 else min(-_PUSH_OUT * gap / dt, 2 * resting_ms)
-            if leaving < -2 * resting_ms and gap + leaving * dt <= 0:
-                wanted[touching] = max(wanted[touching], -obstacle[22] * leaving)
+            least[touching] = -gap / dt if gap > 0 else min(-_PUSH_OUT * gap / dt, 2 * resting_ms)
+            lets_go = obstacle[20] != SLIP and obstacle[20] != STICKY
+            if lets_go and leaving < -2 * resting_ms and gap + leaving * dt <= 0:
+                least[touching] = max(least[touching], -obstacle[22] * leaving)
+            greatest[touching] = math.inf if lets_go or gap > reach else max(least[touching], 0.0)
             which[touching, 0], which[touching, 1] = o, i
             touching += 1
     for n in range(touching):  # start from the last substep's impulses
@@ -359,9 +362,9 @@ def _strike(motion, rotation, v, momentum, mass, W, points, radii, impulses, obs
                     velocity += (v[k] - obstacle[4 + k]) * direction[k]
                 before = impulse[axis]
                 if axis == 2:
-                    after = before + (wanted[n] - velocity) / compliance
-                    if kind != SLIP and kind != STICKY:
-                        after = max(after, 0.0)
+                    after = before + (least[n] - velocity) / compliance
+                    if after < 0:  # nothing needs to be pushed, but perhaps kept
+                        after = min(before + (greatest[n] - velocity) / compliance, 0.0)
                 else:
                     after = before - velocity / compliance
                     if kind != STICKY:
