@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from mpm_bodies import body, lattice
 from phys4dgen.mpm import (
+    Drive,
     Ground,
     HalfSpace,
     HollowBall,
@@ -168,6 +169,29 @@ def test_what_touches_a_sticky_plate_goes_with_it():
     for _ in range(20):
         frame = simulator.advance()
     np.testing.assert_allclose(frame.positions_m.mean(0) - b.positions_m.mean(0), [0.05, 0, 0.03], atol=0.5 * 0.02)
+
+
+@pytest.mark.parametrize("rigid", [False, True])
+def test_a_driven_part_stops_at_the_ground_and_goes_on_along_it(rigid):
+    b = block(rigid=rigid, at=(0, 0, 0.05))
+    drive = Drive(velocity_ms=(0.5, 0.0, -1.0))
+    simulator = Simulator(b, Settings(0.02, 0.02, ground=Ground(0.0, friction=0.0), drives=(drive,)))
+    frames = [simulator.advance() for _ in range(10)]
+    way = frames[-1].positions_m - b.positions_m
+    assert way[:, 0] == pytest.approx(0.1, abs=1e-3)
+    assert way[:, 2] == pytest.approx(-0.05, abs=2e-3)  # the lowest faces of its particles touch the ground
+    assert np.abs(frames[-1].deformation_gradients - np.eye(3)).max() < 1e-3
+
+
+def test_a_pinned_part_does_not_give_way_to_what_moves_against_it():
+    b = block(rigid=False)
+    plate = Obstacle(
+        RoundedBox((0.04, 0.04, -0.08), (0.2, 0.2, 0.06)), motion=Motion.steady((0, 0, 0.2), from_s=0, to_s=1)
+    )
+    simulator = Simulator(b, Settings(0.02, 0.02, obstacles=(plate,), drives=(Drive(),)))
+    for _ in range(5):
+        frame = simulator.advance()
+    assert np.abs(frame.positions_m - b.positions_m).max() < 1e-6
 
 
 def test_an_obstacle_acts_only_while_it_is_there():

@@ -115,7 +115,7 @@ class Reference:
             carried = (w * self.mass)[:, None] * (v + np.einsum("pij,pj->pi", self.C, r))
             np.add.at(momentum, node, carried + dt * force)
         velocity = momentum / np.maximum(node_mass, 1e-300)[:, None]
-        velocity = np.where(node_mass[:, None] > 0, velocity * keep + dt * np.asarray(gravity, float), 0)
+        velocity = np.where(node_mass[:, None] > 0, (velocity + dt * np.asarray(gravity, float)) * keep, 0)
         if self.held_nodes is not None:
             velocity[self.held_nodes.ravel()] = 0
         if self.ground is not None:

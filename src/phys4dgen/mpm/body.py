@@ -35,6 +35,8 @@ class Body:
             shape [P]. A part in several pieces needs one number for each. Held particles ignore it.
         bonded_to_held: where held material is near at rest: True for particles that have grown together with it, as
             by default, and are clamped; False for those that only touch or hang beside it, shape [P], bool.
+        body_id: particles with different numbers are different bodies, which touch and slide on one another but do not
+            grow together where they come close; all 0 by default, shape [P].
         law_numbers: further numbers of the laws by name (``types.LAW_NUMBERS``), [P] each, of any value where the
             particle's law does not use them; a number that has a default may be left out.
     """
@@ -51,6 +53,7 @@ class Body:
     velocities_ms: NDArray[np.float64] | None = None
     rigid_group: NDArray[np.int32] | None = None
     bonded_to_held: NDArray[np.bool_] | None = None
+    body_id: NDArray[np.int32] | None = None
     law_numbers: Mapping[str, NDArray[np.float64]] | None = None
 
     def __post_init__(self) -> None:
@@ -59,6 +62,7 @@ class Body:
         velocities = np.zeros((p, 3)) if self.velocities_ms is None else self.velocities_ms
         rigid = np.full(p, -1, np.int32) if self.rigid_group is None else self.rigid_group
         bonded = np.ones(p, np.bool_) if self.bonded_to_held is None else self.bonded_to_held
+        body_id = np.zeros(p, np.int32) if self.body_id is None else self.body_id
         checked = {
             "positions_m": positions,
             "velocities_ms": checked_array(velocities, "velocities_ms", (p, 3), np.float64),
@@ -66,6 +70,7 @@ class Body:
             "part": checked_array(self.part, "part", (p,), np.int32),
             "held": checked_array(self.held, "held", (p,), np.bool_),
             "rigid_group": checked_array(rigid, "rigid_group", (p,), np.int32),
+            "body_id": checked_array(body_id, "body_id", (p,), np.int32),
             "bonded_to_held": checked_array(bonded, "bonded_to_held", (p,), np.bool_),
         }
         for name in ("volume_m3", "density_kgm3", "youngs_modulus_pa", "poisson_ratio"):

@@ -3,12 +3,15 @@
 A velocity that is written on particles alone loses against the stress of their neighbours, substep by substep. Here the
 grid's nodes that belong to driven particles by more than half of their mass get it: inside, the particles then follow
 exactly (uniform motion and turns are reproduced by the splines), and what is grown together with them is clamped.
+
+Solids win against drives: where the motion would carry a driven particle into the ground or an obstacle, the whole
+drive loses that component of its velocity, so that the part stays on the surface or slides along it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +20,7 @@ from numpy.typing import NDArray
 from phys4dgen.mpm.body import Body
 from phys4dgen.mpm.contacts import Entries
 from phys4dgen.mpm.kernels.contact import STICKY
+from phys4dgen.mpm.kernels.layout import POSITION
 from phys4dgen.mpm.kernels.shares import node_masses
 from phys4dgen.mpm.loads import Selection, Vector, checked_vector
 
@@ -24,6 +28,10 @@ __all__ = ["Drive", "DrivenNodes"]
 
 _OWN_SHARE = 0.499  # a node right between driven and free matter is driven
 _LEAST_MASS = 1e-6  # of the mean particle mass
+_SWEEPS = 8  # over the solids that a drive meets at once
+
+Meet = Callable[[NDArray[np.float64]], list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]]
+"""From points [K, 3] to (distance [K], outward normal [K, 3], velocity [3]) of each solid (``Solids.met_by``)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +80,7 @@ class DrivenNodes:
         """Prepare; raises SimulationError where a drive names a part that does not exist."""
         self._body, self._drives = body, tuple(drives)
         self._origin_m, self._dx_m = origin_m, dx_m
+        self._radii_m = np.cbrt(body.volume_m3) / 2
         self._places = [body.positions_m[drive.selects(body)] for drive in drives]
 
     def top_speed_ms(self, time_s: float) -> float:
@@ -87,8 +96,11 @@ class DrivenNodes:
         self,
         columns: NDArray[np.float32],
         numbers: NDArray[np.int64],
+        fields: NDArray[np.int32],
         *,
-        time_s: float,
+        from_s: float,
+        to_s: float,
+        solids: Meet,
         shift: NDArray[np.int64],
         nodes: tuple[int, int, int],
     ) -> list[Entries]:
@@ -97,10 +109,14 @@ class DrivenNodes:
         Args:
             columns: of the particles, see ``kernels.layout``.
             numbers: number in the body of each.
-            time_s: now.
+            fields: velocity field of each.
+            from_s: start of the segment.
+            to_s: its end.
+            solids: ground and obstacles at its start.
             shift: world node of the grid's first node.
             nodes: nodes of the grid along x, y, z.
         """
+        time_s = 0.5 * (from_s + to_s)
         owner = np.full(len(self._body), -1, np.int32)
         for number, drive in enumerate(self._drives):
             owner[drive.drives(self._body, time_s)] = number
@@ -111,12 +127,51 @@ class DrivenNodes:
         owner_of_column = owner[numbers]
         total, own = np.zeros((2, *nodes), np.float32)
         for number in present:
-            total[:], own[:] = 0, 0
-            node_masses(columns, owner_of_column, int(number), np.float32(1 / self._dx_m), shift, total, own)
-            places = np.argwhere((own > _OWN_SHARE * total) & (own > _LEAST_MASS)) + shift
-            velocities = self._drives[number].velocities_ms(places * self._dx_m + self._origin_m, time_s)
-            kinds = np.tile(np.array([STICKY, 0, -1], np.int32), (len(places), 1))
-            planes = np.zeros((len(places), 7), np.float32)
-            planes[:, 4:] = velocities
-            found.append((places, kinds, planes))
+            drive = self._drives[number]
+            mine = owner_of_column == number
+            points = columns[POSITION : POSITION + 3, mine].T.astype(np.float64) + self._origin_m
+            yielded = _yielded_ms(
+                drive.velocities_ms(points, time_s), solids(points), self._radii_m[numbers[mine]], to_s - from_s
+            )
+            for field in np.unique(fields[mine]):
+                total[:], own[:] = 0, 0
+                there = fields == field
+                inverse_dx = np.float32(1 / self._dx_m)
+                node_masses(columns[:, there], owner_of_column[there], int(number), inverse_dx, shift, total, own)
+                places = np.argwhere((own > _OWN_SHARE * total) & (own > _LEAST_MASS)) + shift
+                kinds = np.tile(np.array([STICKY, 0, -1, field], np.int32), (len(places), 1))
+                planes = np.zeros((len(places), 7), np.float32)
+                planes[:, 4:] = drive.velocities_ms(places * self._dx_m + self._origin_m, time_s) + yielded
+                found.append((places, kinds, planes))
         return found
+
+
+def _yielded_ms(
+    velocities_ms: NDArray[np.float64],
+    solids: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]],
+    radii_m: NDArray[np.float64],
+    time_s: float,
+) -> NDArray[np.float64]:
+    """What the solids that driven particles would enter within a time take from the velocity of all of them, [3].
+
+    Args:
+        velocities_ms: that are set, [K, 3].
+        solids: see ``Meet``, for the K particles.
+        radii_m: half their size, [K].
+        time_s: ahead.
+    """
+    change = np.zeros(3)
+    for _ in range(_SWEEPS):
+        unchanged = True
+        for distances, normals, surface_ms in solids:
+            set_speed = np.einsum("ki,ki->k", velocities_ms, normals)
+            # a drive that stands still, as a pin does, stands against a solid that comes
+            slowest = np.minimum(normals @ surface_ms, 0.0) - np.maximum(distances - radii_m, 0.0) / time_s
+            missing = np.where(set_speed < 0, slowest - set_speed - normals @ change, 0.0)
+            worst = int(missing.argmax())
+            if missing[worst] > 1e-9 * abs(set_speed[worst]):
+                change += missing[worst] * normals[worst]
+                unchanged = False
+        if unchanged:
+            break
+    return change

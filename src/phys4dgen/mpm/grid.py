@@ -24,13 +24,14 @@ _SPARE = 64  # elements past the end that the last loads may touch
 
 
 class Grid:
-    """Momentum and velocity of a box of nodes.
+    """Momentum and velocity of a box of nodes, in copies one behind the other along x for several velocity fields.
 
     Attributes:
         shift: world node of the first node, int64 [3].
-        nodes: nodes along x, y, z; nz is a multiple of 4.
-        momentum: private grids of the chunks, (px, py, pz, mass) per node, float32 [chunks, 4 nodes + spare].
-        velocity: (vx, vy, vz, mass) per node, float32 [4 nodes + spare].
+        nodes: nodes along x, y, z of one field; nz is a multiple of 4.
+        fields: velocity fields.
+        momentum: private grids of the chunks, (px, py, pz, mass) per node, float32 [chunks, 4 fields nodes + spare].
+        velocity: (vx, vy, vz, mass) per node, float32 [4 fields nodes + spare].
         unblocked: the velocity but for ground and obstacles, for rigid parts, as ``velocity``; empty without them.
         contacts: nodes where something limits the velocity, see ``contacts.contact_arrays``.
         contacts_are_set: whether ``set_contacts`` was called.
@@ -46,6 +47,7 @@ class Grid:
         held: HeldNodes,
         ground: tuple[int, int, float, int] | None = None,
         with_rigid: bool = False,
+        fields: int = 1,
     ) -> None:
         """Lay a grid around particles whose lowest nodes span ``extent`` (low and high along x, y, z).
 
@@ -53,11 +55,12 @@ class Grid:
         """
         self.shift = extent[0::2] - _DRIFT - padding
         self.nodes = self.nodes_for(extent, padding)
+        self.fields = fields
         count = int(np.prod(self.nodes))
-        self.momentum = np.zeros((chunks, 4 * count + _SPARE), np.float32)
-        self.velocity = np.zeros(4 * count + _SPARE, np.float32)
+        self.momentum = np.zeros((chunks, 4 * fields * count + _SPARE), np.float32)
+        self.velocity = np.zeros(4 * fields * count + _SPARE, np.float32)
         self.free = np.ones(count + _SPARE, np.float32)
-        self._spans = np.zeros((chunks, *self.nodes[:2], 2), np.int32)
+        self._spans = np.zeros((chunks, fields * self.nodes[0], self.nodes[1], 2), np.int32)
         self.unblocked = np.zeros(len(self.velocity) if with_rigid else 0, np.float32)
         self._standing = [held.contacts()]
         if ground is not None:
@@ -68,7 +71,9 @@ class Grid:
 
     def set_contacts(self, entries: Sequence[Entries]) -> None:
         """Let these nodes be limited besides those of held parts and ground, which come first."""
-        self.contacts = contact_arrays([*self._standing, *entries], shift=self.shift, nodes=self.nodes)
+        self.contacts = contact_arrays(
+            [*self._standing, *entries], shift=self.shift, nodes=self.nodes, fields=self.fields
+        )
         self.contacts_are_set = True
 
     @staticmethod
@@ -89,20 +94,24 @@ class Grid:
         return x, y, z, self.nodes[1], self.nodes[2]
 
     def chunk_limits(
-        self, cells: NDArray[np.int32], ranges: NDArray[np.int64], extent: NDArray[np.int64]
+        self,
+        cells: NDArray[np.int32],
+        ranges: NDArray[np.int64],
+        extent: NDArray[np.int64],
+        field_of_range: NDArray[np.int64],
     ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Spans [chunks, nx, ny, 2] that each chunk may write to and bounds [chunks, 6] of its lowest nodes.
+        """Spans [chunks, fields nx, ny, 2] that each chunk may write to, bounds [ranges, chunks, 6] of lowest nodes.
 
         ``cells`` are the particles' lowest world nodes in sorted order, ``ranges`` as in ``step.advance``.
         """
-        chunks = ranges.shape[1]
-        span_rows(cells, ranges, self.shift, self._spans)
-        bounds = np.zeros((chunks, 6), np.int32)
-        bounds[:, 2::2] = extent[2::2] - self.shift[1:] - _DRIFT
-        bounds[:, 3::2] = extent[3::2] - self.shift[1:] + _DRIFT
-        for chunk in range(chunks):
-            filled = [(first, last) for first, last in ranges[:, chunk] if last > first]
-            if filled:
-                bounds[chunk, 0] = min(cells[0, first] for first, _ in filled) - self.shift[0] - _DRIFT
-                bounds[chunk, 1] = max(cells[0, last - 1] for _, last in filled) - self.shift[0] + _DRIFT
+        planes = field_of_range * self.nodes[0]
+        span_rows(cells, ranges, planes, self.shift, self._spans)
+        bounds = np.zeros((*ranges.shape[:2], 6), np.int32)
+        bounds[..., 2::2] = extent[2::2] - self.shift[1:] - _DRIFT
+        bounds[..., 3::2] = extent[3::2] - self.shift[1:] + _DRIFT
+        for number, chunk in np.argwhere(ranges[..., 1] > ranges[..., 0]):
+            first, last = ranges[number, chunk]
+            start = planes[number] - self.shift[0]
+            bounds[number, chunk, 0] = cells[0, first] + start - _DRIFT
+            bounds[number, chunk, 1] = cells[0, last - 1] + start + _DRIFT
         return self._spans, bounds

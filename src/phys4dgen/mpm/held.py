@@ -102,7 +102,7 @@ class HeldNodes:
     def contacts(self) -> Entries:
         """The obstacles, for ``contacts.contact_arrays``."""
         count = len(self.obstacles)
-        kinds = np.tile(np.array([SEPARATE, 0, -1], np.int32), (count, 1))
+        kinds = np.tile(np.array([SEPARATE, 0, -1, -1], np.int32), (count, 1))
         planes = np.column_stack([self.normals, np.full(count, self.friction), np.zeros((count, 3))])
         return self.obstacles + self.first, kinds, planes.astype(np.float32)
 

@@ -23,8 +23,8 @@ class Ground:
         contact: "separate": nothing moves into it, and everything may leave it; what slides is slowed by Coulomb
             friction. "slip": no motion through it in either direction, no friction. "sticky": what touches it stays.
         friction: Coulomb's coefficient for "separate".
-        restitution: share of its normal velocity with which a rigid part leaves the ground again, 0 to 1; soft parts
-            bounce by their own elasticity.
+        restitution: share of its normal velocity with which a rigid part leaves the ground again, 0 to 1, for
+            "separate"; soft parts bounce by their own elasticity.
     """
 
     height_m: float
@@ -53,6 +53,7 @@ class Settings:
         gravity_ms2: uniform acceleration of everything that is not held, m/s2.
         ground: plane that carries the body, or None.
         held_friction: Coulomb's coefficient on held parts for what is not bonded to them.
+        body_friction: Coulomb's coefficient between bodies (``Body.body_id``).
         loads: forces over time windows (``loads``, ``fields``).
         drives: what moves as it is told (``drives``); of two on one node the later one counts.
         obstacles: solids besides the ground.
@@ -74,6 +75,7 @@ class Settings:
     gravity_ms2: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ground: Ground | None = None
     held_friction: float = 0.3
+    body_friction: float = 0.5
     loads: tuple[Load, ...] = ()
     drives: tuple[Drive, ...] = ()
     obstacles: tuple[Obstacle, ...] = ()
@@ -94,8 +96,9 @@ class Settings:
                 raise ValueError(f"{name}: expected a positive number, got {value}.")
         if not (math.isfinite(self.damping_per_s) and self.damping_per_s >= 0):
             raise ValueError(f"damping_per_s: expected zero or more, got {self.damping_per_s}.")
-        if not (math.isfinite(self.held_friction) and self.held_friction >= 0):
-            raise ValueError(f"held_friction: expected zero or more, got {self.held_friction}.")
+        for name in ("held_friction", "body_friction"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
+                raise ValueError(f"{name}: expected zero or more, got {getattr(self, name)}.")
         if len(self.gravity_ms2) != 3 or not all(math.isfinite(value) for value in self.gravity_ms2):
             raise ValueError(f"gravity_ms2: expected three finite numbers, got {self.gravity_ms2}.")
         for name, least in (

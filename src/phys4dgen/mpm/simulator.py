@@ -30,10 +30,12 @@ from phys4dgen.mpm.solids import Solids
 from phys4dgen.mpm.state import Particles
 from phys4dgen.mpm.step import advance
 from phys4dgen.mpm.timestep import Estimate, expected_speed_ms, sort_interval, stiff_parts, substeps_for
+from phys4dgen.mpm.velocity_fields import VelocityFields, no_pairs
 
 __all__ = ["Frame", "Simulator"]
 
 _STIFFENED = 1.05  # waves faster by more than this shorten the rest of the frame's substeps
+_SAFE_CFL = 0.6  # stable in every run of the benchmarks
 _GROWTH_CELLS = 4  # beyond the padding, so that a moving body does not lay a new grid at every sort
 
 
@@ -138,6 +140,7 @@ class Simulator:
         self._wave_speed_ms = self._fastest_wave_ms()
         self._cells = np.full((3, particles.columns.shape[1]), NEVER_SEEN, np.int32)
         self._order = np.zeros(particles.columns.shape[1], np.int32)
+        self._fields = VelocityFields(particles.body_of_range)
 
     def _take_materials_of(self, time_s: float) -> None:
         """Give particles the materials that they have at a time."""
@@ -214,7 +217,7 @@ class Simulator:
             done, taken = done + count, taken + count
             self._max_speed_ms = self._inspect(frame=number, time_s=start_s + dt_s * done)
             self._wave_speed_ms = self._fastest_wave_ms()
-            if not self._grid.holds(self._extent):
+            if not self._grid.holds(self._extent) or self._fields.count > self._grid.fields:
                 self._grid = self._lay_grid(frame=number, time_s=start_s + dt_s * done)
         self._frames_done = number
         self.frame = self._make_frame(substeps=taken, dt_s=dt_s)
@@ -280,18 +283,32 @@ class Simulator:
 
     def _segment(self, times_s: NDArray[Any], dt_s: float) -> None:
         """Sort, then take the substeps that ``times_s`` bounds."""
-        settings, particles, grid = self.settings, self._particles, self._grid
+        settings, particles = self.settings, self._particles
         cell_count = math.prod(int(n) for n in self._extent[1::2] - self._extent[0::2] + 1)
         if len(self._counts) <= cell_count:
             self._counts = np.zeros(cell_count + 1, np.int32)
         for law_ranges in particles.ranges:
             order_by_cell(self._cells, self._extent, law_ranges[0, 0], law_ranges[-1, 1], self._counts, self._order)
-        self._cells = self._cells[:, self._order]
-        spans, bounds = grid.chunk_limits(self._cells, particles.ranges, self._extent)
+        grid = self._grid
+        spans, bounds = grid.chunk_limits(
+            self._cells[:, self._order], particles.ranges, self._extent, self._fields.of_range
+        )
         everything, kicks = self._kicks.gains(times_s, **self._felt())
         span_s = float(times_s[0]), float(times_s[-1])
         self._solids.begin(*span_s)
-        self._set_contacts(0.5 * sum(span_s))
+        self._set_contacts(*span_s)
+        pairs = no_pairs(grid.nodes[0] * grid.nodes[1])
+        if grid.fields > 1:
+            pairs = self._fields.pairs(
+                particles.columns,
+                particles.ranges,
+                dx_m=settings.dx_m,
+                mass_unit_kg=particles.mass_unit_kg,
+                friction=settings.body_friction,
+                shift=grid.shift,
+                nodes=grid.nodes,
+            )
+        self._cells = self._cells[:, self._order]
         soft_share = self._soft_share_at_contacts()
         damping = -math.expm1(-settings.damping_per_s * dt_s)
         advance(
@@ -300,13 +317,16 @@ class Simulator:
             particles.spare,
             self._order,
             particles.ranges,
+            self._fields.of_range,
             spans,
             bounds,
             grid.momentum,
             grid.velocity,
             grid.free,
             grid.contacts,
+            pairs,
             grid.numbers,
+            grid.nodes[0],
             self._dx,
             np.float32(dt_s),
             everything.astype(np.float32),
@@ -328,29 +348,37 @@ class Simulator:
             "velocities_ms": columns[VELOCITY : VELOCITY + 3].T.astype(np.float64),
         }
 
-    def _set_contacts(self, time_s: float) -> None:
+    def _set_contacts(self, from_s: float, to_s: float) -> None:
         """Let obstacles and drives act on the grid during a segment; once per grid where they never change."""
         grid = self._grid
         if grid.contacts_are_set and self._solids.always_stand and not self.settings.drives:
             return
         particles, place = self._particles, {"shift": grid.shift, "nodes": grid.nodes}
-        driven = self._driven.entries(particles.columns, particles.numbers, time_s=time_s, **place)
+        fields = self._fields.of_particles(particles.ranges)
+        driven = self._driven.entries(
+            particles.columns, particles.numbers, fields, from_s=from_s, to_s=to_s, solids=self._solids.met_by, **place
+        )
         grid.set_contacts([*self._solids.entries(**place), *driven])
 
     def _soft_share_at_contacts(self) -> NDArray[np.float64] | None:
-        """Share of soft particles in the mass at each contact; None where all is soft, or nobody asks."""
+        """Share of soft particles in the mass at each contact, [fields, K]; None where all is soft, or nobody asks."""
         if self._rigid is None or self._solids.count == 0:
             return None
         columns, grid = self._particles.columns, self._grid
         if self._particles.soft_ranges == 0:
-            return np.zeros(len(grid.contacts[1]))
-        total, soft = np.zeros((2, *grid.nodes), np.float32)
+            return np.zeros((grid.fields, len(grid.contacts[1])))
         is_soft = (self._rigid.group_of[self._particles.numbers] < 0).astype(np.int32)
-        node_masses(columns, is_soft, 1, 1 / self._dx, grid.shift, total, soft)
+        fields = self._fields.of_particles(self._particles.ranges)
         starts, nodes = grid.contacts[:2]
         row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         place = row * grid.nodes[2] + nodes[:, 0]
-        return soft.ravel()[place] / np.maximum(total.ravel()[place], 1e-12).astype(np.float64)
+        share = np.zeros((grid.fields, len(place)))
+        for field in range(grid.fields):
+            total, soft = np.zeros((2, *grid.nodes), np.float32)
+            mine = fields == field
+            node_masses(columns[:, mine], is_soft[mine], 1, 1 / self._dx, grid.shift, total, soft)
+            share[field] = soft.ravel()[place] / np.maximum(total.ravel()[place], 1e-12)
+        return share
 
     def _set_speed_ms(self, from_s: float, to_s: float) -> float:
         """The largest speed of what obstacles and drives move between two times."""
@@ -385,7 +413,7 @@ class Simulator:
             columns[AFFINE : AFFINE + 9].T.reshape(-1, 3, 3),
             self.settings.dx_m,
         )
-        # a kick is in the momentum when the grid damps it, the uniform gain is added afterwards
+        # what a substep gains is damped in that substep
         kicked = np.zeros((1, 3))
         if kicks.shape[1] > 0:
             row = columns[LOAD].astype(np.int64)
@@ -393,9 +421,7 @@ class Simulator:
             kicked = np.einsum("r,sri->si", row_mass, kicks[..., :3])
             if self._kicks.has_fields:
                 kicked -= (mass * kicks[0, row, 3]) @ columns[VELOCITY : VELOCITY + 3].T
-        kicked = np.cumsum(np.broadcast_to(kicked / mass.sum(), everything.shape), 0)
-        gained = np.cumsum(everything, 0) - everything
-        motion[:, :3] = velocity + kicked + gained
+        motion[:, :3] = velocity + np.cumsum(everything + kicked / mass.sum(), 0)
         motion[:, 3:6] = spin
         motion[:, 6:] = centre + np.cumsum(motion[:, :3] * dt_s, 0) - motion[:, :3] * dt_s
         return motion.astype(np.float32)
@@ -410,18 +436,21 @@ class Simulator:
             name = self._part_name_at(bad)
             sound = bool(np.isfinite(columns[:, bad]).all())
             what = "moved by more than one cell between two sorts" if sound else "has no finite position or velocity"
+            cause = "forces or impacts too strong for the material"
+            if self.settings.cfl > _SAFE_CFL:
+                cause = f"cfl {self.settings.cfl:g} above {_SAFE_CFL:g}, or {cause}"
             raise SimulationError(
                 f"The simulation became unstable in frame {frame} at {time_s:.4g} s: a particle of part '{name}' "
-                f"{what}; likely causes are forces too strong for the material, or cfl {self.settings.cfl:g} "
-                f"above 0.5."
+                f"{what}; likely causes: {cause}."
             )
         self._cells = cells
+        self._fields.assign(cells, self._particles.ranges)
         return float(fastest)
 
     def _lay_grid(self, *, frame: int, time_s: float) -> Grid:
         settings = self.settings
         padding = settings.padding_cells + (0 if frame == 0 else _GROWTH_CELLS)
-        nodes = math.prod(Grid.nodes_for(self._extent, padding))
+        nodes = math.prod(Grid.nodes_for(self._extent, padding)) * self._fields.count
         if nodes > settings.max_grid_nodes:
             farthest = int(np.linalg.norm(self._particles.columns[POSITION : POSITION + 3], axis=0).argmax())
             name = self._part_name_at(farthest)
@@ -438,6 +467,7 @@ class Simulator:
             held=self._held,
             ground=ground and (self._ground_node, CONTACT_KINDS[ground.contact], ground.friction, number),
             with_rigid=self._rigid is not None,
+            fields=self._fields.count,
         )
 
     def _make_frame(self, *, substeps: int, dt_s: float) -> Frame:

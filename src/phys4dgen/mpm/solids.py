@@ -101,12 +101,12 @@ class Solids:
             to_s: its end.
             contacts: of the grid.
             rigid: impulses on rigid groups, [count, 3], or None without them.
-            soft_share: share of the mass at each contact that reads the limited velocity, or None: all.
+            soft_share: share of the mass at each contact that reads the limited velocity, [fields, K], or None: all.
         """
         _, nodes, _, impulses = contacts
         numbered = nodes[:, 3] >= 0
         taken = np.zeros((self.count, 3))
-        felt = impulses if soft_share is None else impulses * soft_share[:, None]
+        felt = (impulses if soft_share is None else impulses * soft_share[..., None]).sum(0)
         np.add.at(taken, nodes[numbered, 3], felt[numbered])
         impulses[:] = 0
         if rigid is not None:
@@ -127,6 +127,19 @@ class Solids:
         """Nodes of a grid at which the obstacles stop soft matter, for ``Grid.set_contacts``."""
         return [self._nodes_of(number, shift, nodes) for number in np.flatnonzero(self._there).tolist()]
 
+    def met_by(
+        self, points_m: NDArray[np.float64]
+    ) -> list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
+        """(distances [K], outward normals [K, 3], velocity [3]) of every solid that is there from points [K, 3]."""
+        found = []
+        for number, obstacle in enumerate(self._all):
+            if number == self.ground_number:
+                found.append((*obstacle.shape.distances(points_m), np.zeros(3)))
+            elif self._there[number]:
+                moved = self.shifts_m[number]
+                found.append((*obstacle.shape.distances(points_m - moved), self.velocities_ms[number]))
+        return found
+
     def _nodes_of(self, number: int, shift: NDArray[np.int64], nodes: tuple[int, int, int]) -> Entries:
         obstacle, dx_m = self._obstacles[number], self._dx_m
         moved = self.shifts_m[number]
@@ -135,13 +148,13 @@ class Solids:
         last = np.clip(np.ceil(high / dx_m), -(2.0**40), 2.0**40).astype(np.int64)
         last = np.minimum(last, shift + np.array(nodes) - 1)
         if (last < first).any():
-            return np.zeros((0, 3), np.int64), np.zeros((0, 3), np.int32), np.zeros((0, 7), np.float32)
+            return np.zeros((0, 3), np.int64), np.zeros((0, 4), np.int32), np.zeros((0, 7), np.float32)
         axes = [np.arange(a, b + 1) for a, b in zip(first, last, strict=True)]
         places = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
         distance, normals = obstacle.shape.distances(places * dx_m + self._origin_m - moved)
         inside = (distance <= -self._gap_m(obstacle)) & (distance > -_SHELL_CELLS * dx_m)
         count = int(inside.sum())
-        kinds = np.tile(np.array([CONTACT_KINDS[obstacle.contact], 1, number], np.int32), (count, 1))
+        kinds = np.tile(np.array([CONTACT_KINDS[obstacle.contact], 1, number, -1], np.int32), (count, 1))
         velocity = np.broadcast_to(self.velocities_ms[number], (count, 3))
         planes = np.column_stack([normals[inside], np.full(count, obstacle.friction), velocity])
         return places[inside], kinds, planes.astype(np.float32)

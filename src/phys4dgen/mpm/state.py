@@ -31,13 +31,16 @@ _SURELY_WITHIN = 0.7  # |F - I| below which no singular value of F is outside
 
 
 class Particles:
-    """Columns of the particles that move: soft ones ordered by law, then rigid ones, each law padded to full batches.
+    """Columns of the particles that move: soft ones ordered by law, then rigid ones, each range padded to full batches.
+
+    A range holds the particles of one law and one body (``Body.body_id``).
 
     Padding are massless copies. Rigid particles are Neo-Hookean with Lame parameters of zero: without stress.
 
     Attributes:
         laws: the law of each range; of soft and rigid particles apart.
         ranges: first and one past last column place of each law in each chunk, int64 [laws, chunks, 2].
+        body_of_range: body 0 .. B - 1 that each range belongs to, int64 [laws].
         soft_ranges: how many ranges are soft; rigid ones follow.
         moving: numbers of the moving particles in the body, int64 [M].
         mass_unit_kg: mean mass of the moving particles.
@@ -49,21 +52,29 @@ class Particles:
         self.moving = np.flatnonzero(~body.held)
         self._origin_m = origin_m
         self.mass_unit_kg = float(body.mass_kg[self.moving].mean())
-        laws, places, ranges, start = [], [], [], 0
+        laws, places, ranges, bodies, start = [], [], [], [], 0
+        assert body.body_id is not None
+        names = np.unique(body.body_id[self.moving])
         self.soft_ranges = 0
         for is_rigid in (False, True):
             chosen = self.moving[body.is_rigid[self.moving] == is_rigid]
-            for law, members in [(NEO_HOOKEAN, chosen)] if is_rigid and len(chosen) else body.by_law(chosen):
+            of_laws = [(NEO_HOOKEAN, chosen)] if is_rigid and len(chosen) else body.by_law(chosen)
+            of_bodies = [(law, name, of_law[body.body_id[of_law] == name]) for law, of_law in of_laws for name in names]
+            for law, name, members in of_bodies:
+                if len(members) == 0:
+                    continue
                 batches = -(-len(members) // LANES)
                 padded = np.concatenate([members, np.full(batches * LANES - len(members), members[-1])])
                 bounds = start + LANES * np.linspace(0, batches, chunks + 1).round().astype(np.int64)
                 ranges.append(np.stack([bounds[:-1], bounds[1:]], 1))
                 laws.append(law)
+                bodies.append(np.searchsorted(names, name))
                 places.append(np.stack([padded, np.arange(len(padded)) < len(members)], 1))
                 start += len(padded)
                 self.soft_ranges += not is_rigid
         self.laws: tuple[Law, ...] = tuple(laws)
         self.ranges = np.stack(ranges)
+        self.body_of_range = np.array(bodies, np.int64)
         index, real = np.concatenate(places).T
         self.columns = self._fill(body, index, real.astype(bool))
         self.spare = np.zeros_like(self.columns)

@@ -41,13 +41,16 @@ def advance(
     particles,
     order,
     ranges,
+    fields,
     spans,
     bounds,
     momentum,
     velocity,
     free,
     contacts,
+    pairs,
     grid,
+    nodes_x,
     dx,
     dt,
     gains,
@@ -64,13 +67,16 @@ def advance(
         particles: result, the same columns in the new order.
         order: order[i] is the place in ``unsorted`` of the particle that comes to place i, int32 [stride].
         ranges: first and one past last particle of each law in each chunk, int64 [laws, chunks, 2].
-        spans: nodes along z that each chunk may write to, by plane and row, int32 [chunks, nx, ny, 2].
-        bounds: permitted lowest nodes of the particles of each chunk, int32 [chunks, 6].
-        momentum: private momentum grids, zero, float32 [chunks, 4 nodes + 64].
-        velocity: grid velocity, float32 [4 nodes + 64].
+        fields: velocity field of each law, int64 [laws].
+        spans: nodes along z that each chunk may write to, by plane and row, int32 [chunks, fields nx, ny, 2].
+        bounds: permitted lowest nodes of the particles of each law in each chunk, int32 [laws, chunks, 6].
+        momentum: private momentum grids, zero, float32 [chunks, 4 fields nodes + 64].
+        velocity: grid velocity, float32 [4 fields nodes + 64].
         free: 1 where a node may move, else 0, float32 [nodes + 64].
         contacts: nodes where something limits the velocity (``contacts.contact_arrays``).
+        pairs: nodes where fields meet (``velocity_fields``).
         grid: (shift_x, shift_y, shift_z, ny, nz), int.
+        nodes_x: nodes along x of one field, int.
         dx: cell side, m, float32.
         dt: substep, s, float32.
         gains: velocity that every node gains in each substep, m/s, float32 [substeps, 3].
@@ -81,7 +87,6 @@ def advance(
     """
     substeps = len(gains)
     chunks = spans.shape[0]
-    inverse_dx = np.float32(1) / dx
     phases = 2 if rigid is None else 3
     unblocked = velocity[:0] if rigid is None else rigid[1]
     for substep in range(substeps + 1):
@@ -92,43 +97,64 @@ def advance(
                 gain = gains[now]
                 resting = np.sqrt(gain[0] * gain[0] + gain[1] * gain[1] + gain[2] * gain[2])
                 move_rigid(*rigid[5:], resting, np.float64(dt))
-            items = spans.shape[1] if phase == _GRID else chunks
+            items = nodes_x if phase == _GRID else chunks
             for item in prange(items):
                 if phase == _GRID:
                     grid_plane(
-                        item, spans, momentum, velocity, unblocked, free, contacts, grid, dx, gains[now], damping,
-                        undamped[now],
+                        item, nodes_x, spans, momentum, velocity, unblocked, free, contacts, pairs, grid, dx, dt,
+                        gains[now], damping, undamped[now],
                     )  # fmt: skip
                 else:
                     kick = kicks[min(coming, len(kicks) - 1)]
-                    arguments = (velocity, momentum[item], grid, bounds[item], inverse_dx, dt, kick)
                     _chunk_phase(
-                        item, phase, stage, passes, ranges[:, item], unsorted, particles, order, dx, arguments, rigid
-                    )
+                        item, phase, stage, passes, ranges[:, item], fields, unsorted, particles, order, velocity,
+                        momentum[item], grid, nodes_x, bounds, dx, dt, kick, rigid,
+                    )  # fmt: skip
 
 
 @kernel
-def _chunk_phase(chunk, phase, stage, passes, ranges, unsorted, particles, order, dx, arguments, rigid):
+def _grid_of(grid, first_plane):
+    """The grid as particles of the velocity field that begins with a plane see it."""
+    return grid[0] - first_plane, grid[1], grid[2], grid[3], grid[4]
+
+
+@kernel
+def _chunk_phase(
+    chunk, phase, stage, passes, ranges, fields, unsorted, particles, order, velocity, momentum, grid, nodes_x, bounds,
+    dx, dt, kick, rigid,
+):  # fmt: skip
     """One phase of a substep for the particles of one chunk."""
     flat = particles.ravel()
     stride = particles.shape[1]
     soft = len(passes) if rigid is None else rigid[0]
+    inverse_dx = np.float32(1) / dx
     for law in range(len(passes)):
         first, last = ranges[law]
         if stage == SCATTER_ONLY:
             take_sorted(unsorted, particles, order, first, last)
         if phase == _PARTICLES and (law < soft or stage == SCATTER_ONLY):
-            call_pass(passes[law], stage, first, last, flat, stride, *arguments)
+            own_grid = _grid_of(grid, fields[law] * nodes_x)
+            call_pass(
+                passes[law], stage, first, last, flat, stride, velocity, momentum, own_grid, bounds[law, chunk],
+                inverse_dx, dt, kick,
+            )  # fmt: skip
     if rigid is not None and stage != SCATTER_ONLY:
         unblocked, group_of, offsets, constraint, motion, sums = rigid[1:7]
         for law in range(soft, len(passes)):
             first, last = ranges[law]
+            own_grid = _grid_of(grid, fields[law] * nodes_x)
             if phase == _PARTICLES:
-                call_pass(passes[law], GATHER_ONLY, first, last, flat, stride, unblocked, *arguments[1:])
+                call_pass(
+                    passes[law], GATHER_ONLY, first, last, flat, stride, unblocked, momentum, own_grid,
+                    bounds[law, chunk], inverse_dx, dt, kick,
+                )  # fmt: skip
                 if law == soft:
                     sums[chunk] = 0
                 sum_rigid(particles, first, last, group_of, offsets, motion, dx, sums[chunk])
             else:
                 place_rigid(particles, first, last, group_of, offsets, motion, constraint)
                 if stage == FUSED:
-                    call_pass(passes[law], SCATTER_ONLY, first, last, flat, stride, *arguments)
+                    call_pass(
+                        passes[law], SCATTER_ONLY, first, last, flat, stride, velocity, momentum, own_grid,
+                        bounds[law, chunk], inverse_dx, dt, kick,
+                    )  # fmt: skip

@@ -96,7 +96,7 @@ def take_sorted(unsorted, particles, order, first, last):
 
 
 @strict_kernel
-def span_rows(cells, ranges, shift, spans):
+def span_rows(cells, ranges, fields, shift, spans):
     """Find which nodes of each row of the grid the particles of each chunk may write to until the next sort.
 
     A particle with lowest node b writes the nodes b .. b + 2 along x and y and b .. b + 3 along z (rows of lanes), and
@@ -105,8 +105,10 @@ def span_rows(cells, ranges, shift, spans):
     Args:
         cells: lowest node of each particle in sorted order, world cells, int32 [3, stride].
         ranges: first and one past last particle of each law in each chunk, int64 [laws, chunks, 2].
+        fields: first plane of each law's velocity field, int64 [laws].
         shift: world node of the grid's first node, int64 [3].
-        spans: result, int32 [chunks, nx, ny, 2]; rounded outwards to multiples of 4, empty (0, 0) where untouched.
+        spans: result, int32 [chunks, fields nx, ny, 2]; rounded outwards to multiples of 4, empty (0, 0) where nothing
+            writes.
     """
     spans[:] = 0
     for chunk in range(spans.shape[0]):
@@ -119,7 +121,7 @@ def span_rows(cells, ranges, shift, spans):
                 last_x, last_y, last_z = x, y, z
                 low = (z - 1) // 4 * 4
                 high = (z + 5 + 3) // 4 * 4
-                for plane in range(x - 1, x + 4):
+                for plane in range(fields[law] + x - 1, fields[law] + x + 4):
                     for row in range(y - 1, y + 4):
                         if spans[chunk, plane, row, 1] == 0:
                             spans[chunk, plane, row, 0] = low
