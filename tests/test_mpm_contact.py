@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from mpm_bodies import body, lattice
 from phys4dgen.errors import SimulationError
-from phys4dgen.mpm import Acceleration, Ground, Settings, Simulator
+from phys4dgen.mpm import Acceleration, Ground, LawId, Settings, Simulator
 from reference.mpm_reference import Reference
 
 G = 9.81
@@ -85,6 +85,26 @@ def test_a_slender_rigid_rod_gains_no_energy_from_ground_that_does_not_let_go(co
     assert fell
     lowest = frame.positions_m[:, 2].min()
     assert 0 < lowest < dx / 2  # the end that came down stays there
+
+
+def test_water_runs_over_ground_on_which_a_block_stops_and_honey_clings_to_it():
+    """Coulomb's friction is for solids; a fluid shears in the layer at the wall, at the rate eta / (rho h dx)."""
+    dx = 0.02
+    x = lattice((12, 12, 6), dx / 2, (0, 0, 0))
+    v = np.tile([0.3, 0.0, 0.0], (len(x), 1))
+    kept = {}
+    for name, extra in {
+        "block": {},
+        "water": {"law": LawId.FLUID, "viscosity_pas": 1e-3},
+        "honey": {"law": LawId.FLUID, "viscosity_pas": 10.0},
+    }.items():
+        b = body(x, (dx / 2) ** 3, E=1e5, rho=1400.0, nu=0.45, v=v, **extra)
+        simulator = Simulator(b, Settings(dx, 0.05, gravity_ms2=(0, 0, -G), ground=Ground(0.0, friction=0.6)))
+        frame = [simulator.advance() for _ in range(2)][-1]
+        kept[name] = frame.momentum_kgms[0] / (0.3 * b.mass_kg.sum())
+    assert kept["water"] > 0.97
+    assert abs(kept["block"]) < 0.05  # v / mu g = 0.05 s
+    assert kept["honey"] == pytest.approx(np.exp(-10 / 1400 / (6 * dx / 2 * dx) * 0.1), abs=0.15)
 
 
 def test_a_body_below_the_ground_is_refused():

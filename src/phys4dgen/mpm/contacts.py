@@ -43,14 +43,15 @@ def ground_nodes(
 
 def contact_arrays(
     entries: list[Entries], *, shift: NDArray[np.int64], nodes: tuple[int, int, int], fields: int
-) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
+) -> tuple[NDArray[Any], ...]:
     """Contacts of one grid with so many velocity ``fields`` as the kernels read them.
 
     Returns:
         (first contact of each row, int32 [nx ny + 1]; (z, kind, whether rigid parts meet it by themselves, number,
         field or -1) of each, int32 [K, 5]; outward normal, friction and velocity, float32 [K, 7]; impulses at each in
-        each field, zero, float32 [fields, K, 3], in mean particle masses times m/s), within a row in the order of
-        ``entries``.
+        each field, zero, float32 [fields, K, 3], in mean particle masses times m/s; friction of each field at each and
+        the rate in 1/s at which viscosity slows what slides, zero, float32 [fields, K, 2]), within a row in the order
+        of ``entries``.
     """
     places = np.concatenate([np.zeros((0, 3), np.int64), *(e[0] for e in entries)]) - shift
     kinds = np.concatenate([np.zeros((0, 4), np.int32), *(e[1] for e in entries)])
@@ -60,4 +61,7 @@ def contact_arrays(
     order = np.argsort(row, kind="stable")
     starts = np.searchsorted(row[order], np.arange(nodes[0] * nodes[1] + 1)).astype(np.int32)
     table = np.column_stack([places[inside, 2], kinds[inside]])[order].astype(np.int32)
-    return starts, table, np.ascontiguousarray(planes[inside][order]), np.zeros((fields, len(order), 3), np.float32)
+    planes = np.ascontiguousarray(planes[inside][order])
+    rubbing = np.zeros((fields, len(order), 2), np.float32)
+    rubbing[..., 0] = planes[:, 3]
+    return starts, table, planes, np.zeros((fields, len(order), 3), np.float32), rubbing

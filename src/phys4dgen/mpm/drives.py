@@ -137,7 +137,7 @@ class DrivenNodes:
                 total[:], own[:] = 0, 0
                 there = fields == field
                 inverse_dx = np.float32(1 / self._dx_m)
-                node_masses(columns[:, there], owner_of_column[there], int(number), inverse_dx, shift, total, own)
+                node_masses(columns[:, there], mine[there].astype(np.float32), inverse_dx, shift, total, own)
                 places = np.argwhere((own > _OWN_SHARE * total) & (own > _LEAST_MASS)) + shift
                 kinds = np.tile(np.array([STICKY, 0, -1, field], np.int32), (len(places), 1))
                 planes = np.zeros((len(places), 7), np.float32)

@@ -24,6 +24,7 @@ from phys4dgen.mpm.kernels.layout import AFFINE, LOAD, MASS, POSITION, VELOCITY
 from phys4dgen.mpm.kernels.rigid_pass import place_rigid
 from phys4dgen.mpm.kernels.shares import node_masses
 from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
+from phys4dgen.mpm.laws import LawId
 from phys4dgen.mpm.rigid import RigidParts
 from phys4dgen.mpm.settings import Settings
 from phys4dgen.mpm.solids import Solids
@@ -35,6 +36,7 @@ from phys4dgen.mpm.velocity_fields import VelocityFields, no_pairs
 __all__ = ["Frame", "Simulator"]
 
 _STIFFENED = 1.05  # waves faster by more than this shorten the rest of the frame's substeps
+_SHEARED_PER_CELL = 12.0  # see ``Simulator._wet_contacts``
 _SAFE_CFL = 0.6  # stable in every run of the benchmarks
 _GROWTH_CELLS = 4  # beyond the padding, so that a moving body does not lay a new grid at every sort
 
@@ -135,7 +137,10 @@ class Simulator:
         particles, body = self._particles, self._simulated
         particles.columns[LOAD] = self._kicks.row_of[particles.numbers]
         self._passes = np.array([address_of_pass(law) for law in particles.laws])
-        self._viscosity_m2s = float(body.kinematic_viscosity_m2s[body.is_soft].max(initial=0.0))
+        viscosity = body.kinematic_viscosity_m2s
+        self._viscosity_m2s = float(viscosity[body.is_soft].max(initial=0.0))
+        self._is_fluid = ((body.law == LawId.FLUID) & body.is_soft).astype(np.float32)
+        self._fluid_viscosity_m2s = self._is_fluid * viscosity.astype(np.float32)
         self._resting_wave_speed_ms = body.wave_speed_ms
         self._wave_speed_ms = self._fastest_wave_ms()
         self._cells = np.full((3, particles.columns.shape[1]), NEVER_SEEN, np.int32)
@@ -302,6 +307,7 @@ class Simulator:
             pairs = self._fields.pairs(
                 particles.columns,
                 particles.ranges,
+                self._is_fluid[particles.numbers],
                 dx_m=settings.dx_m,
                 mass_unit_kg=particles.mass_unit_kg,
                 friction=settings.body_friction,
@@ -309,6 +315,7 @@ class Simulator:
                 nodes=grid.nodes,
             )
         self._cells = self._cells[:, self._order]
+        self._wet_contacts()
         soft_share = self._soft_share_at_contacts()
         damping = -math.expm1(-settings.damping_per_s * dt_s)
         advance(
@@ -364,21 +371,39 @@ class Simulator:
         """Share of soft particles in the mass at each contact, [fields, K]; None where all is soft, or nobody asks."""
         if self._rigid is None or self._solids.count == 0:
             return None
-        columns, grid = self._particles.columns, self._grid
         if self._particles.soft_ranges == 0:
-            return np.zeros((grid.fields, len(grid.contacts[1])))
-        is_soft = (self._rigid.group_of[self._particles.numbers] < 0).astype(np.int32)
+            return np.zeros((self._grid.fields, len(self._grid.contacts[1])))
+        return self._mean_at_contacts((self._rigid.group_of[self._particles.numbers] < 0).astype(np.float32))
+
+    def _mean_at_contacts(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Mean by mass, in each field around each contact, of what the particles carry, [fields, K]."""
+        grid = self._grid
         fields = self._fields.of_particles(self._particles.ranges)
         starts, nodes = grid.contacts[:2]
         row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
         place = row * grid.nodes[2] + nodes[:, 0]
-        share = np.zeros((grid.fields, len(place)))
+        mean = np.zeros((grid.fields, len(place)))
         for field in range(grid.fields):
-            total, soft = np.zeros((2, *grid.nodes), np.float32)
+            total, weighted = np.zeros((2, *grid.nodes), np.float32)
             mine = fields == field
-            node_masses(columns[:, mine], is_soft[mine], 1, 1 / self._dx, grid.shift, total, soft)
-            share[field] = soft.ravel()[place] / np.maximum(total.ravel()[place], 1e-12)
-        return share
+            columns = self._particles.columns if mine.all() else self._particles.columns[:, mine]
+            node_masses(columns, values[mine], 1 / self._dx, grid.shift, total, weighted)
+            mean[field] = weighted.ravel()[place] / np.maximum(total.ravel()[place], 1e-12)
+        return mean
+
+    def _wet_contacts(self) -> None:
+        """Give contacts the friction of what is at them: a fluid has none of Coulomb's, it shears at the wall.
+
+        The nodes that a wall stops hold about a twelfth of a cell of the fluid beside it; the shear stress eta v / dx
+        of fluid that rests on the wall a cell away slows them at the rate 12 eta / (rho dx^2).
+        """
+        if not self._is_fluid.any() or len(self._grid.contacts[1]) == 0:
+            return
+        planes, rubbing = self._grid.contacts[2], self._grid.contacts[4]
+        numbers = self._particles.numbers
+        rubbing[..., 0] = planes[:, 3] * (1 - self._mean_at_contacts(self._is_fluid[numbers]))
+        viscosity_m2s = self._mean_at_contacts(self._fluid_viscosity_m2s[numbers])
+        rubbing[..., 1] = _SHEARED_PER_CELL * viscosity_m2s / self.settings.dx_m**2
 
     def _set_speed_ms(self, from_s: float, to_s: float) -> float:
         """The largest speed of what obstacles and drives move between two times."""

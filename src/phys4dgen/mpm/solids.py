@@ -103,7 +103,7 @@ class Solids:
             rigid: impulses on rigid groups, [count, 3], or None without them.
             soft_share: share of the mass at each contact that reads the limited velocity, [fields, K], or None: all.
         """
-        _, nodes, _, impulses = contacts
+        nodes, impulses = contacts[1], contacts[3]
         numbered = nodes[:, 3] >= 0
         taken = np.zeros((self.count, 3))
         felt = (impulses if soft_share is None else impulses * soft_share[..., None]).sum(0)

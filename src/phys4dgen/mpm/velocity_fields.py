@@ -91,6 +91,7 @@ class VelocityFields:
         self,
         columns: NDArray[np.float32],
         ranges: NDArray[np.int64],
+        is_fluid: NDArray[np.float32],
         *,
         dx_m: float,
         mass_unit_kg: float,
@@ -98,7 +99,10 @@ class VelocityFields:
         shift: NDArray[np.int64],
         nodes: tuple[int, int, int],
     ) -> Pairs:
-        """Where fields meet in a grid of ``nodes`` whose first is the world node ``shift``, for ``limit_pairs``."""
+        """Where fields meet in a grid of ``nodes`` whose first is the world node ``shift``, for ``limit_pairs``.
+
+        ``is_fluid`` is 1 for particles that slide without Coulomb's friction.
+        """
         shared = [(low, high) for low, high in self._shared if (low <= high).all()]
         rows = nodes[0] * nodes[1]
         if not shared:
@@ -108,7 +112,7 @@ class VelocityFields:
         size = tuple(int(n) for n in last - first + 1)
         field_of = self.of_particles(ranges)
         moments = np.zeros((self.count, *size, MOMENTS), np.float32)
-        field_moments(columns, field_of, 1 / dx_m, mass_unit_kg, first, moments)
+        field_moments(columns, field_of, is_fluid, 1 / dx_m, mass_unit_kg, first, moments)
         present = moments[..., 0] > _LEAST_VOLUME
         found = [
             np.column_stack([np.argwhere(present[a] & present[b]), np.full((n, 2), (a, b))])
@@ -139,7 +143,9 @@ class VelocityFields:
         starts = np.searchsorted(row, np.arange(rows + 1)).astype(np.int32)
         place = np.column_stack([table[:, 2] + first[2] - shift[2], table[:, 3:]]).astype(np.int32)
         gaps_m = np.ascontiguousarray(found_planes[:, 3] * dx_m, np.float32)
-        found_planes[:, 3] = friction
+        share = moments[..., 7] / np.maximum(moments[..., 0], _LEAST_VOLUME)
+        x, y, z, a, b = table.T
+        found_planes[:, 3] = friction * (1 - np.maximum(share[a, x, y, z], share[b, x, y, z]))
         return starts, place, found_planes, gaps_m
 
 
@@ -147,7 +153,7 @@ def _candidates(moments: NDArray[Any], table: NDArray[np.int64]) -> NDArray[np.f
     """Normals from the first to the second field of each pair [K, CANDIDATES, 3]; a line of moments where one fails."""
     x, y, z, a, b = table.T
     of_a, of_b = moments[a, x, y, z].astype(np.float64), moments[b, x, y, z].astype(np.float64)
-    apart = of_b[:, 4:] / of_b[:, :1] - of_a[:, 4:] / of_a[:, :1]
+    apart = of_b[:, 4:7] / of_b[:, :1] - of_a[:, 4:7] / of_a[:, :1]
     wanted = np.stack([of_b[:, 1:4] - of_a[:, 1:4], -of_a[:, 1:4], of_b[:, 1:4], apart], 1)
     length = np.linalg.norm(wanted, axis=2, keepdims=True)
     upright = np.broadcast_to([0.0, 0.0, 1.0], wanted.shape)

@@ -8,13 +8,13 @@ from phys4dgen.mpm.kernels.layout import kernel
 
 __all__ = ["SEPARATE", "SLIP", "STICKY", "allowed_velocity"]
 
-SEPARATE = 0  # no motion into the surface; Coulomb friction on what slides along it; free to leave
+SEPARATE = 0  # no motion into the surface; friction on what slides along it; free to leave
 SLIP = 1  # no motion into the surface or away from it, no friction
 STICKY = 2  # the motion of the surface
 
 
 @kernel
-def allowed_velocity(vx, vy, vz, kind, plane):
+def allowed_velocity(vx, vy, vz, kind, plane, friction, drag):
     """Velocity of a node after contact.
 
     Args:
@@ -22,7 +22,9 @@ def allowed_velocity(vx, vy, vz, kind, plane):
         vy: y,
         vz: and z.
         kind: SEPARATE, SLIP or STICKY.
-        plane: outward unit normal, friction coefficient and velocity of the surface, float32 [7].
+        plane: outward unit normal, an unused number, and velocity of the surface, float32 [7].
+        friction: Coulomb's coefficient.
+        drag: share of its sliding velocity that viscosity takes in a substep, over the share that is left.
     """
     ux, uy, uz = plane[4], plane[5], plane[6]
     if kind == STICKY:
@@ -35,7 +37,7 @@ def allowed_velocity(vx, vy, vz, kind, plane):
     tx, ty, tz = rx - outwards * nx, ry - outwards * ny, rz - outwards * nz
     if kind == SEPARATE:
         sliding = math.sqrt(tx * tx + ty * ty + tz * tz)
-        lost = -plane[3] * outwards
-        keep = vx * 0 if sliding <= lost else 1 - lost / sliding
+        lost = -friction * outwards
+        keep = vx * 0 if sliding <= lost else (1 - lost / sliding) / (1 + drag)
         tx, ty, tz = tx * keep, ty * keep, tz * keep
     return ux + tx, uy + ty, uz + tz

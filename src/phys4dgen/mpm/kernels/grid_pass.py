@@ -85,9 +85,9 @@ def _set_velocities(plane, first_plane, spans, momentum, velocity, unblocked, fr
 
 
 @kernel
-def _limit(plane, field, nodes_x, spans, velocity, unblocked, contacts, grid):
+def _limit(plane, field, nodes_x, spans, velocity, unblocked, contacts, grid, dt):
     """What contacts allow on one plane of a field."""
-    starts, nodes, planes, impulses = contacts
+    starts, nodes, planes, impulses, rubbing = contacts
     ny, nz = grid[3], grid[4]
     for row in range(ny):
         first, last = starts[plane * ny + row], starts[plane * ny + row + 1]
@@ -101,7 +101,8 @@ def _limit(plane, field, nodes_x, spans, velocity, unblocked, contacts, grid):
             if low <= column < high and (nodes[contact, 4] < 0 or nodes[contact, 4] == field):
                 at = (base + column) * 4
                 v0, v1, v2, mass_here = velocity[at], velocity[at + 1], velocity[at + 2], velocity[at + 3]
-                u0, u1, u2 = allowed_velocity(v0, v1, v2, kind, planes[contact])
+                friction, drag = rubbing[field, contact, 0], rubbing[field, contact, 1] * dt
+                u0, u1, u2 = allowed_velocity(v0, v1, v2, kind, planes[contact], friction, drag)
                 velocity[at], velocity[at + 1], velocity[at + 2] = u0, u1, u2
                 impulses[field, contact, 0] += mass_here * (u0 - v0)
                 impulses[field, contact, 1] += mass_here * (u1 - v1)
@@ -147,5 +148,5 @@ def grid_plane(
         resting = math.sqrt(gain[0] * gain[0] + gain[1] * gain[1] + gain[2] * gain[2])
         limit_pairs(plane, nodes_x, velocity, unblocked, pairs, grid, resting, dt)
     for field in range(fields):
-        _limit(plane, field, nodes_x, spans, velocity, unblocked, contacts, grid)
+        _limit(plane, field, nodes_x, spans, velocity, unblocked, contacts, grid, dt)
     restore_float_state(state)

@@ -21,8 +21,8 @@ __all__ = ["CANDIDATES", "MOMENTS", "field_moments", "limit_pairs", "list_partic
 
 CANDIDATES = 4
 """Normals that the search at each node begins with."""
-MOMENTS = 7
-"""Volume, its gradient (3) and its first moment about the node (3), in cells."""
+MOMENTS = 8
+"""Volume, its gradient (3) and its first moment about the node (3), in cells, and volume of fluid."""
 
 _WIDEST_TILT, _FINEST_TILT = 0.6, 0.015  # of the search for the widest gap, rad
 _PUSH_OUT = 0.1  # share of an overlap that is undone per substep,
@@ -44,12 +44,13 @@ def _lowest_and_weights(particles, p, inverse_dx, first, node, weights, slopes, 
 
 
 @strict_kernel
-def field_moments(particles, field_of, inverse_dx, mass_unit, first, moments):
+def field_moments(particles, field_of, is_fluid, inverse_dx, mass_unit, first, moments):
     """Add up where the volume of each field lies around the nodes of a box.
 
     Args:
         particles: columns of ``layout``, float32 [columns, stride].
         field_of: velocity field of each particle, int32 [stride].
+        is_fluid: 1 for particles of fluids, else 0, float32 [stride].
         inverse_dx: cells per metre.
         mass_unit: mean particle mass, kg.
         first: world node of the box's first node, int64 [3].
@@ -81,6 +82,7 @@ def field_moments(particles, field_of, inverse_dx, mass_unit, first, moments):
                     here[4] -= share * offsets[0, i]
                     here[5] -= share * offsets[1, j]
                     here[6] -= share * offsets[2, k]
+                    here[7] += share * is_fluid[p]
 
 
 @strict_kernel

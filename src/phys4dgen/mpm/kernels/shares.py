@@ -1,4 +1,4 @@
-"""How much mass particles bring to each node, and how much of it chosen ones do."""
+"""How much mass particles bring to each node, and the sums of what they carry."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ __all__ = ["node_masses"]
 
 
 @strict_kernel
-def node_masses(particles, owners, owner, inverse_dx, shift, total, own):
+def node_masses(particles, values, inverse_dx, shift, total, weighted):
     """Add the particles' masses to the nodes around them, with quadratic B-spline weights.
 
     Args:
         particles: columns of ``layout``, float32 [columns, stride].
-        owners: owner of each particle, int32 [stride].
-        owner: whose masses are added to ``own`` too.
+        values: what each particle carries per mass, 1 where it is to be counted, float32 [stride].
         inverse_dx: cells per metre, float32.
         shift: world node of the grid's first node, int64 [3].
         total: result, added to, float32 [nx, ny, nz].
-        own: as ``total``, of the particles of ``owner``.
+        weighted: as ``total``, masses times values.
     """
     weights = np.zeros((3, 3), np.float32)
     node = np.zeros(3, np.int64)
@@ -41,11 +40,10 @@ def node_masses(particles, owners, owner, inverse_dx, shift, total, own):
             inside = inside and 0 <= node[axis] < total.shape[axis] - 2
         if not inside:
             continue
-        mine = owners[p] == owner
+        value = values[p]
         for i in range(3):
             for j in range(3):
                 for k in range(3):
                     share = mass * weights[0, i] * weights[1, j] * weights[2, k]
                     total[node[0] + i, node[1] + j, node[2] + k] += share
-                    if mine:
-                        own[node[0] + i, node[1] + j, node[2] + k] += share
+                    weighted[node[0] + i, node[1] + j, node[2] + k] += share * value
