@@ -229,7 +229,7 @@ def test_a_pushed_plate_goes_on_from_a_checkpoint():
     ids=["box", "rod", "ball", "hollow", "wall"],
 )
 def test_distances_and_normals_are_those_of_the_shape(shape):
-    from phys4dgen.mpm.kernels.rigid_pass import _surface
+    from phys4dgen.mpm.kernels.rigid_contact import _surface
     from phys4dgen.mpm.solids import Solids
 
     points = np.random.default_rng(0).uniform(-0.6, 0.9, (400, 3))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.mpm import Body, Frame, Impulse, Settings
-from phys4dgen.mpm.fields import Field
+from phys4dgen.mpm.fields import Field, Sample
 from phys4dgen.mpm.loads import UniformLoad
 
 __all__ = ["Account"]
@@ -82,17 +82,15 @@ def _work_of_field(load: Field, body: Body, last: Frame, frame: Frame, mine: NDA
         s = (1 + node) / 2
         place = (1 + 2 * s) * (1 - s) ** 2 * x0 + s * (1 - s) ** 2 * m0 + s**2 * (3 - 2 * s) * x1 + s**2 * (s - 1) * m1
         slope = 6 * s * (1 - s) * (x1 - x0) + (1 - s) * (1 - 3 * s) * m0 + s * (3 * s - 2) * m1
-        felt = _felt(load, mass_kg, place, slope / step_s, last.time_s + s * step_s)
+        felt = _felt(load, Sample(place, slope / step_s, mass_kg, last.time_s + s * step_s))
         work += weight / 2 * np.einsum("pi,pi->p", felt, slope)
     return work
 
 
-def _felt(
-    load: Field, mass_kg: NDArray[np.float64], places_m: NDArray[np.float64], v_ms: NDArray[np.float64], time_s: float
-) -> NDArray[np.float64]:
+def _felt(load: Field, state: Sample) -> NDArray[np.float64]:
     """Acceleration by a field of particles, [M, 3]."""
-    answer = load.at(places_m, v_ms, mass_kg, time_s)
+    answer = load.at(state)
     if answer.drag_per_s is None:
         return answer.acceleration_ms2
-    rate = np.broadcast_to(answer.drag_per_s, len(v_ms))[:, None]
-    return answer.acceleration_ms2 + rate * (np.array(answer.air_ms) - v_ms)
+    rate = np.broadcast_to(answer.drag_per_s, len(state.mass_kg))[:, None]
+    return answer.acceleration_ms2 + rate * (np.array(answer.air_ms) - state.velocities_ms)

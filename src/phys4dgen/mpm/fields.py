@@ -6,6 +6,7 @@ applied in each substep as v <- v + (1 - exp(-c dt)) (w - v), which is stable fo
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,12 +14,29 @@ from numpy.typing import NDArray
 
 from phys4dgen.mpm.loads import Load, Vector, checked_vector
 
-__all__ = ["Answer", "Attractor", "Field", "Noise", "PerParticleForce", "Vortex", "Wind"]
+__all__ = ["Answer", "Attractor", "Field", "Noise", "PerParticleForce", "Sample", "Vortex", "Wind"]
 
 _SOFT = 0.1
 """Within this share of its radius a field that grows towards its centre stays finite."""
 
 _WAVES = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """M particles as a field is asked about them.
+
+    Attributes:
+        positions_m: [M, 3].
+        velocities_ms: [M, 3].
+        mass_kg: [M].
+        time_s: when.
+    """
+
+    positions_m: NDArray[np.float64]
+    velocities_ms: NDArray[np.float64]
+    mass_kg: NDArray[np.float64]
+    time_s: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,18 +54,12 @@ class Answer:
     air_ms: Vector = (0.0, 0.0, 0.0)
 
 
-class Field(Load):
+class Field(Load, ABC):
     """A load that differs from particle to particle."""
 
-    def at(
-        self,
-        positions_m: NDArray[np.float64],
-        velocities_ms: NDArray[np.float64],
-        mass_kg: NDArray[np.float64],
-        time_s: float,
-    ) -> Answer:
-        """What particles [M, 3] feel when the window is fully open."""
-        raise NotImplementedError
+    @abstractmethod
+    def at(self, state: Sample) -> Answer:
+        """What the particles feel when the window is fully open."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +76,9 @@ class PerParticleForce(Field):
         super().__post_init__()
         object.__setattr__(self, "value_n", checked_vector(self.value_n, "value_n"))
 
-    def at(
-        self,
-        positions_m: NDArray[np.float64],
-        velocities_ms: NDArray[np.float64],
-        mass_kg: NDArray[np.float64],
-        time_s: float,
-    ) -> Answer:
+    def at(self, state: Sample) -> Answer:
         """See ``Field``."""
-        return Answer(np.array(self.value_n) / mass_kg[:, None])
+        return Answer(np.array(self.value_n) / state.mass_kg[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,16 +101,10 @@ class Wind(Field):
         if not (self.drag_per_m >= 0 and self.drag_per_s >= 0):
             raise ValueError(f"drag: expected zero or more, got {self.drag_per_m} per m and {self.drag_per_s} per s.")
 
-    def at(
-        self,
-        positions_m: NDArray[np.float64],
-        velocities_ms: NDArray[np.float64],
-        mass_kg: NDArray[np.float64],
-        time_s: float,
-    ) -> Answer:
+    def at(self, state: Sample) -> Answer:
         """See ``Field``."""
-        slip = np.linalg.norm(np.array(self.velocity_ms) - velocities_ms, axis=1)
-        return Answer(np.zeros_like(velocities_ms), self.drag_per_s + self.drag_per_m * slip, self.velocity_ms)
+        slip = np.linalg.norm(np.array(self.velocity_ms) - state.velocities_ms, axis=1)
+        return Answer(np.zeros_like(state.velocities_ms), self.drag_per_s + self.drag_per_m * slip, self.velocity_ms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,15 +129,9 @@ class Attractor(Field):
         if not self.radius_m > 0:
             raise ValueError(f"radius_m: expected a positive number, got {self.radius_m}.")
 
-    def at(
-        self,
-        positions_m: NDArray[np.float64],
-        velocities_ms: NDArray[np.float64],
-        mass_kg: NDArray[np.float64],
-        time_s: float,
-    ) -> Answer:
+    def at(self, state: Sample) -> Answer:
         """See ``Field``."""
-        away = positions_m - np.array(self.center_m)
+        away = state.positions_m - np.array(self.center_m)
         return Answer(-self.strength_ms2 * _unit_and_falloff(away, self.radius_m, self.falloff))
 
 
@@ -169,16 +163,10 @@ class Vortex(Field):
         if not self.radius_m > 0:
             raise ValueError(f"radius_m: expected a positive number, got {self.radius_m}.")
 
-    def at(
-        self,
-        positions_m: NDArray[np.float64],
-        velocities_ms: NDArray[np.float64],
-        mass_kg: NDArray[np.float64],
-        time_s: float,
-    ) -> Answer:
+    def at(self, state: Sample) -> Answer:
         """See ``Field``."""
         axis = np.array(self.axis)
-        away = positions_m - np.array(self.center_m)
+        away = state.positions_m - np.array(self.center_m)
         away -= (away @ axis)[:, None] * axis
         outwards = _unit_and_falloff(away, self.radius_m, self.falloff)
         return Answer(self.swirl_ms2 * np.cross(axis, outwards) - self.inwards_ms2 * outwards)
@@ -215,16 +203,11 @@ class Noise(Field):
         waves = (wave_vectors, rates, rng.uniform(0, 2 * np.pi, _WAVES), directions * np.sqrt(2 / _WAVES))
         object.__setattr__(self, "_waves", waves)
 
-    def at(
-        self,
-        positions_m: NDArray[np.float64],
-        velocities_ms: NDArray[np.float64],
-        mass_kg: NDArray[np.float64],
-        time_s: float,
-    ) -> Answer:
+    def at(self, state: Sample) -> Answer:
         """See ``Field``."""
         wave_vectors, rates, phases, directions = self._waves
-        return Answer(self.strength_ms2 * np.cos(positions_m @ wave_vectors.T + rates * time_s + phases) @ directions)
+        phase = state.positions_m @ wave_vectors.T + rates * state.time_s + phases
+        return Answer(self.strength_ms2 * np.cos(phase) @ directions)
 
 
 def _unit_and_falloff(away_m: NDArray[np.float64], radius_m: float, falloff: float) -> NDArray[np.float64]:

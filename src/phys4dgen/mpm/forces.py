@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.mpm.body import Body
-from phys4dgen.mpm.fields import Field
+from phys4dgen.mpm.fields import Field, Sample
 from phys4dgen.mpm.loads import Load, UniformLoad
 from phys4dgen.mpm.settings import Settings
 
@@ -119,7 +119,7 @@ class Kicks:
             mine = index[here]
             # where the particle will be in the middle of the segment: of second order, and keeps the energy of orbits
             middle_m = positions_m[here] + 0.5 * substeps * dt_s * velocities_ms[here] + self._origin_m
-            answer = field.at(middle_m, velocities_ms[here], self._mass_kg[mine], float(times_s.mean()))
+            answer = field.at(Sample(middle_m, velocities_ms[here], self._mass_kg[mine], float(times_s.mean())))
             gained[mine] += open_s * answer.acceleration_ms2
             if answer.drag_per_s is not None:
                 share = answer.drag_per_s * (open_s / dt_s)

@@ -6,6 +6,7 @@ What depends on where a particle is or how fast it moves stands in ``fields.py``
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -103,16 +104,16 @@ class Load(Selection):
         return inside / 2 - ramp / (2 * np.pi) * np.sin(np.pi * inside / ramp) + np.maximum(since_s - ramp, 0)
 
 
-class UniformLoad(Load):
+class UniformLoad(Load, ABC):
     """A load that gives all of its particles the same velocity."""
 
+    @abstractmethod
     def gained_ms(self, times_s: Any, mass_kg: float) -> NDArray[np.float64]:
         """Velocity gained up to each time by particles that weigh ``mass_kg`` together, [.., 3]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def peak_ms2(self, mass_kg: float) -> float:
         """The largest acceleration, without blows."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, eq=False)

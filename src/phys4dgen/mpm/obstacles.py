@@ -1,7 +1,7 @@
 """Solid obstacles: half spaces, boxes, balls, rods and hollow balls, at rest, moving as told, or pushed by a force.
 
 Soft matter meets them at grid nodes inside the obstacle (``solids.py``), rigid parts with the points of their hull
-(``kernels/rigid_pass.py``). Boxes, balls and rods are one shape, a box with rounded edges.
+(``kernels/rigid_contact.py``). Boxes, balls and rods are one shape, a box with rounded edges.
 """
 
 from __future__ import annotations

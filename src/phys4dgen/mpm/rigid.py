@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from phys4dgen.mpm.body import Body
-from phys4dgen.mpm.kernels.rigid_pass import (
+from phys4dgen.mpm.kernels.rigid_motion import (
     CENTRE,
     FITTED_SPIN,
     FITTED_VELOCITY,

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import SimulationError
-from phys4dgen.mpm import diagnostics
+from phys4dgen.mpm.at_contacts import mean_at_contacts, wet_contacts
 from phys4dgen.mpm.body import Body
 from phys4dgen.mpm.changes import carry_over, changed_body, check_changes
-from phys4dgen.mpm.contacts import CONTACT_KINDS, GROUND_GAP_CELLS
+from phys4dgen.mpm.contacts import CONTACT_KINDS
+from phys4dgen.mpm.damping import undamped_motion
 from phys4dgen.mpm.drives import DrivenNodes
 from phys4dgen.mpm.forces import Kicks
+from phys4dgen.mpm.frame import Frame, frame_of
 from phys4dgen.mpm.grid import Grid
+from phys4dgen.mpm.ground import origin_and_ground_node
 from phys4dgen.mpm.held import HeldNodes, with_simulated_skin
 from phys4dgen.mpm.kernels.compiled_pass import address_of_pass
-from phys4dgen.mpm.kernels.layout import AFFINE, LOAD, MASS, POSITION, VELOCITY
+from phys4dgen.mpm.kernels.layout import LOAD, POSITION, VELOCITY
 from phys4dgen.mpm.kernels.rigid_pass import place_rigid
-from phys4dgen.mpm.kernels.shares import node_masses
 from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
 from phys4dgen.mpm.laws import LawId
 from phys4dgen.mpm.rigid import RigidParts
@@ -32,48 +33,12 @@ from phys4dgen.mpm.state import Particles
 from phys4dgen.mpm.step import advance
 from phys4dgen.mpm.timestep import Estimate, expected_speed_ms, sort_interval, stiff_parts, substeps_for
 from phys4dgen.mpm.velocity_fields import VelocityFields, no_pairs
+from phys4dgen.mpm.watchdog import too_fast, too_wide, unstable
 
 __all__ = ["Frame", "Simulator"]
 
 _STIFFENED = 1.05  # waves faster by more than this shorten the rest of the frame's substeps
-_SHEARED_PER_CELL = 12.0  # see ``Simulator._wet_contacts``
-_SAFE_CFL = 0.6  # stable in every run of the benchmarks
 _GROWTH_CELLS = 4  # beyond the padding, so that a moving body does not lay a new grid at every sort
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """The body at one time; held particles stand in their rest pose with F = I.
-
-    Attributes:
-        time_s: simulated time.
-        positions_m: shape [P, 3], float64.
-        deformation_gradients: total F, shape [P, 3, 3], float32; of material that flows within limits
-            (``state.REMEMBERED_STRETCH``).
-        velocities_ms: shape [P, 3], float32.
-        substeps: taken since the last frame.
-        dt_s: their length, at the end of the frame.
-        max_speed_ms: of the fastest particle.
-        kinetic_energy_j, elastic_energy_j: of all that moves.
-        momentum_kgms, angular_momentum_kgm2s: of all that moves, the latter about the coordinate origin, [3].
-        reactions_n: mean force of the body on each obstacle since the last frame, then on the ground if there is one,
-            [O or O + 1, 3].
-        obstacle_shifts_m: how far each obstacle has moved, [O, 3].
-    """
-
-    time_s: float
-    positions_m: NDArray[np.float64]
-    deformation_gradients: NDArray[np.float32]
-    velocities_ms: NDArray[np.float32]
-    substeps: int
-    dt_s: float
-    max_speed_ms: float
-    kinetic_energy_j: float
-    elastic_energy_j: float
-    momentum_kgms: NDArray[np.float64]
-    angular_momentum_kgm2s: NDArray[np.float64]
-    reactions_n: NDArray[np.float64]
-    obstacle_shifts_m: NDArray[np.float64]
 
 
 class Simulator:
@@ -98,8 +63,7 @@ class Simulator:
         self.body = body
         self.settings = settings
         self._dx = np.float32(settings.dx_m)
-        self._origin_m = body.positions_m.min(0)
-        self._ground_node = self._align_with_ground()
+        self._origin_m, self._ground_node = origin_and_ground_node(body, settings)
         places = (body.positions_m - self._origin_m) / settings.dx_m
         self._held = HeldNodes.from_body(body, places, dx_m=settings.dx_m, friction=settings.held_friction)
         self._at_first = with_simulated_skin(body, self._held, places)
@@ -157,26 +121,6 @@ class Simulator:
         carry_over(before, self._particles)
         self._prepare_laws()
 
-    def _align_with_ground(self) -> int:
-        """Lower the origin until the ground's highest node is a node of the grid; returns that node.
-
-        Raises:
-            SimulationError: something that moves starts below the ground.
-        """
-        ground, body, dx_m = self.settings.ground, self.body, self.settings.dx_m
-        if ground is None:
-            return 0
-        heights = np.where(body.held, np.inf, body.positions_m[:, 2])
-        lowest = int(heights.argmin())
-        if heights[lowest] < ground.height_m - 0.5 * dx_m:
-            raise SimulationError(
-                f"Part '{body.part_names[body.part[lowest]]}' starts {ground.height_m - heights[lowest]:.3g} m below "
-                f"the ground at z = {ground.height_m:.4g} m; lower the ground or raise the body."
-            )
-        plane_m = ground.height_m - GROUND_GAP_CELLS * dx_m
-        self._origin_m[2] -= (self._origin_m[2] - plane_m) % dx_m
-        return round((plane_m - self._origin_m[2]) / dx_m)
-
     def estimate(self) -> Estimate:
         """Work of one frame, from the material and from speed and loads at t = 0."""
         substeps = self._substeps_for(expected_speed_ms(self.body, self.settings))
@@ -208,11 +152,8 @@ class Simulator:
                 substeps, done, planned_ms = self._substeps_for(speed, end_s - start_s), 0, self._wave_speed_ms
                 dt_s = (end_s - start_s) / substeps
                 if taken + substeps > settings.max_substeps_per_frame:
-                    raise SimulationError(
-                        f"Frame {number} at {start_s:.4g} s needs {taken + substeps} substeps for a speed of "
-                        f"{speed:.3g} m/s, {settings.max_substeps_per_frame} are allowed; use weaker forces or raise "
-                        f"max_substeps_per_frame."
-                    )
+                    where, allowed = f"Frame {number} at {start_s:.4g} s", settings.max_substeps_per_frame
+                    raise too_fast(where, speed_ms=speed, needed=taken + substeps, allowed=allowed)
             now_s = start_s + dt_s * done
             speed = max(self._max_speed_ms, self._set_speed_ms(now_s, end_s))
             speed += load * dt_s * sort_interval(substeps, dt_s, 0.0, settings.dx_m)
@@ -315,9 +256,11 @@ class Simulator:
                 nodes=grid.nodes,
             )
         self._cells = self._cells[:, self._order]
-        self._wet_contacts()
-        soft_share = self._soft_share_at_contacts()
+        soft_share = self._rub()
         damping = -math.expm1(-settings.damping_per_s * dt_s)
+        undamped = undamped_motion(
+            particles.columns, settings, everything, kicks, has_fields=self._kicks.has_fields, dt_s=dt_s
+        )
         advance(
             self._passes,
             particles.columns,
@@ -339,7 +282,7 @@ class Simulator:
             everything.astype(np.float32),
             kicks.astype(np.float32),
             np.float32(damping),
-            self._undamped_motion(everything, kicks, dt_s),
+            undamped,
             self._rigid_arguments(),
         )
         particles.columns, particles.spare = particles.spare, particles.columns
@@ -367,43 +310,20 @@ class Simulator:
         )
         grid.set_contacts([*self._solids.entries(**place), *driven])
 
-    def _soft_share_at_contacts(self) -> NDArray[np.float64] | None:
-        """Share of soft particles in the mass at each contact, [fields, K]; None where all is soft, or nobody asks."""
+    def _rub(self) -> NDArray[np.float64] | None:
+        """Let fluids run over what they touch; share of soft matter at each contact, None where all is soft."""
+        particles, numbers = self._particles, self._particles.numbers
+        fields = self._fields.of_particles(particles.ranges)
+        at, dx_m = (self._grid, particles, fields), self.settings.dx_m
+        contacts = len(self._grid.contacts[1])
+        if contacts and self._is_fluid.any():
+            viscosity_m2s = self._fluid_viscosity_m2s[numbers]
+            wet_contacts(*at, is_fluid=self._is_fluid[numbers], viscosity_m2s=viscosity_m2s, dx_m=dx_m)
         if self._rigid is None or self._solids.count == 0:
             return None
-        if self._particles.soft_ranges == 0:
-            return np.zeros((self._grid.fields, len(self._grid.contacts[1])))
-        return self._mean_at_contacts((self._rigid.group_of[self._particles.numbers] < 0).astype(np.float32))
-
-    def _mean_at_contacts(self, values: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Mean by mass, in each field around each contact, of what the particles carry, [fields, K]."""
-        grid = self._grid
-        fields = self._fields.of_particles(self._particles.ranges)
-        starts, nodes = grid.contacts[:2]
-        row = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-        place = row * grid.nodes[2] + nodes[:, 0]
-        mean = np.zeros((grid.fields, len(place)))
-        for field in range(grid.fields):
-            total, weighted = np.zeros((2, *grid.nodes), np.float32)
-            mine = fields == field
-            columns = self._particles.columns if mine.all() else self._particles.columns[:, mine]
-            node_masses(columns, values[mine], 1 / self._dx, grid.shift, total, weighted)
-            mean[field] = weighted.ravel()[place] / np.maximum(total.ravel()[place], 1e-12)
-        return mean
-
-    def _wet_contacts(self) -> None:
-        """Give contacts the friction of what is at them: a fluid has none of Coulomb's, it shears at the wall.
-
-        The nodes that a wall stops hold about a twelfth of a cell of the fluid beside it; the shear stress eta v / dx
-        of fluid that rests on the wall a cell away slows them at the rate 12 eta / (rho dx^2).
-        """
-        if not self._is_fluid.any() or len(self._grid.contacts[1]) == 0:
-            return
-        planes, rubbing = self._grid.contacts[2], self._grid.contacts[4]
-        numbers = self._particles.numbers
-        rubbing[..., 0] = planes[:, 3] * (1 - self._mean_at_contacts(self._is_fluid[numbers]))
-        viscosity_m2s = self._mean_at_contacts(self._fluid_viscosity_m2s[numbers])
-        rubbing[..., 1] = _SHEARED_PER_CELL * viscosity_m2s / self.settings.dx_m**2
+        if particles.soft_ranges == 0:
+            return np.zeros((self._grid.fields, contacts))
+        return mean_at_contacts(*at, (self._rigid.group_of[numbers] < 0).astype(np.float32), dx_m=dx_m)
 
     def _set_speed_ms(self, from_s: float, to_s: float) -> float:
         """The largest speed of what obstacles and drives move between two times."""
@@ -422,35 +342,6 @@ class Simulator:
             obstacles=self._solids.table(),
         )
 
-    def _undamped_motion(
-        self, everything: NDArray[np.float64], kicks: NDArray[np.float64], dt_s: float
-    ) -> NDArray[np.float32]:
-        """Rigid motion (velocity, angular velocity, centre) that damping spares in each substep, [S, 9]."""
-        motion = np.zeros((len(everything), 9))
-        if not (self.settings.damping_relative_to_rigid and self.settings.damping_per_s > 0):
-            return motion.astype(np.float32)
-        columns = self._particles.columns
-        mass = columns[MASS].astype(np.float64)
-        velocity, spin, centre = diagnostics.rigid_motion(
-            mass,
-            columns[POSITION : POSITION + 3].T.astype(np.float64),
-            columns[VELOCITY : VELOCITY + 3].T.astype(np.float64),
-            columns[AFFINE : AFFINE + 9].T.reshape(-1, 3, 3),
-            self.settings.dx_m,
-        )
-        # what a substep gains is damped in that substep
-        kicked = np.zeros((1, 3))
-        if kicks.shape[1] > 0:
-            row = columns[LOAD].astype(np.int64)
-            row_mass = np.bincount(row, mass, kicks.shape[1])
-            kicked = np.einsum("r,sri->si", row_mass, kicks[..., :3])
-            if self._kicks.has_fields:
-                kicked -= (mass * kicks[0, row, 3]) @ columns[VELOCITY : VELOCITY + 3].T
-        motion[:, :3] = velocity + np.cumsum(everything + kicked / mass.sum(), 0)
-        motion[:, 3:6] = spin
-        motion[:, 6:] = centre + np.cumsum(motion[:, :3] * dt_s, 0) - motion[:, :3] * dt_s
-        return motion.astype(np.float32)
-
     def _inspect(self, *, frame: int, time_s: float) -> float:
         """Check all particles, find their cells; returns the largest speed in m/s."""
         columns = self._particles.columns
@@ -458,16 +349,9 @@ class Simulator:
         cells = np.full_like(previous, NEVER_SEEN)
         bad, fastest = inspect_particles(columns, previous, 1 / self._dx, cells, self._extent)
         if bad >= 0:
-            name = self._part_name_at(bad)
+            where = f"frame {frame} at {time_s:.4g} s"
             sound = bool(np.isfinite(columns[:, bad]).all())
-            what = "moved by more than one cell between two sorts" if sound else "has no finite position or velocity"
-            cause = "forces or impacts too strong for the material"
-            if self.settings.cfl > _SAFE_CFL:
-                cause = f"cfl {self.settings.cfl:g} above {_SAFE_CFL:g}, or {cause}"
-            raise SimulationError(
-                f"The simulation became unstable in frame {frame} at {time_s:.4g} s: a particle of part '{name}' "
-                f"{what}; likely causes: {cause}."
-            )
+            raise unstable(where, self._part_name_at(bad), is_finite=sound, cfl=self.settings.cfl)
         self._cells = cells
         self._fields.assign(cells, self._particles.ranges)
         return float(fastest)
@@ -478,12 +362,8 @@ class Simulator:
         nodes = math.prod(Grid.nodes_for(self._extent, padding)) * self._fields.count
         if nodes > settings.max_grid_nodes:
             farthest = int(np.linalg.norm(self._particles.columns[POSITION : POSITION + 3], axis=0).argmax())
-            name = self._part_name_at(farthest)
-            raise SimulationError(
-                f"The body spreads too far in frame {frame} at {time_s:.4g} s: the grid would need {nodes} nodes, "
-                f"{settings.max_grid_nodes} are allowed, and part '{name}' is farthest from where the body was; use a "
-                f"larger dx_m, weaker forces, or raise max_grid_nodes."
-            )
+            where = f"frame {frame} at {time_s:.4g} s"
+            raise too_wide(where, self._part_name_at(farthest), nodes=nodes, allowed=settings.max_grid_nodes)
         ground, number = settings.ground, self._solids.ground_number
         return Grid(
             self._extent,
@@ -496,38 +376,17 @@ class Simulator:
         )
 
     def _make_frame(self, *, substeps: int, dt_s: float) -> Frame:
-        body, particles, dx_m = self._simulated, self._particles, self.settings.dx_m
-        particles.limit_stretch()
-        moving = particles.moving
-        mass = body.mass_kg[moving]
-        x, v = particles.positions_m(), particles.velocities_ms()
-        if self._rigid is not None:
-            is_rigid = body.is_rigid[moving]
-            v[is_rigid] = self._rigid.velocities_ms(moving[is_rigid])
-        f, c = particles.deformation_gradients(), particles.affine_per_s()
-        positions = body.positions_m.copy()
-        positions[moving] = x
-        gradients = np.tile(np.eye(3, dtype=np.float32), (len(body), 1, 1))
-        gradients[moving] = f
-        stored_j = diagnostics.elastic_energy_j(body, particles, gradients)
-        velocities = np.zeros((len(body), 3), np.float32)
-        velocities[moving] = v
-        skin = self.body.held  # simulated beside the moving body, but held for everyone else
-        positions[skin], gradients[skin], velocities[skin] = body.positions_m[skin], np.eye(3), 0
-        return Frame(
+        return frame_of(
+            self._simulated,
+            self._particles,
+            rest=self.body,
+            rigid=self._rigid,
+            solids=self._solids,
+            dx_m=self.settings.dx_m,
             time_s=self._frames_done * self.settings.frame_time_s,
-            positions_m=positions,
-            deformation_gradients=gradients,
-            velocities_ms=velocities,
             substeps=substeps,
             dt_s=dt_s,
-            max_speed_ms=float(np.linalg.norm(v, axis=1).max()),
-            kinetic_energy_j=diagnostics.kinetic_energy_j(mass, v, c, dx_m),
-            elastic_energy_j=stored_j,
-            momentum_kgms=diagnostics.momentum_kgms(mass, v),
-            angular_momentum_kgm2s=diagnostics.angular_momentum_kgm2s(mass, x, v, c, dx_m=dx_m, about_m=np.zeros(3)),
-            reactions_n=-self._solids.given_kgms / self.settings.frame_time_s,
-            obstacle_shifts_m=self._solids.shifts_m.copy(),
+            since_s=self.settings.frame_time_s,
         )
 
 

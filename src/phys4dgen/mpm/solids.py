@@ -167,7 +167,7 @@ class Solids:
         return gap_m
 
     def table(self) -> NDArray[np.float64]:
-        """All solids as ``rigid_pass.move_rigid`` reads them at the start of a segment, [count, 23].
+        """All solids as ``rigid_contact.strike`` reads them at the start of a segment, [count, 23].
 
         Columns: shape (0 half space, 1 rounded box, 2 hollow ball), position 3, velocity 3, rotation 9 or normal 3,
         half edges 3, radius, contact kind (-1 where it is not there), friction, restitution.

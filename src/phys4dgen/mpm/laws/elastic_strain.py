@@ -36,6 +36,7 @@ __all__ = [
     "principal_hencky",
     "principal_strains",
     "settled",
+    "settled_strains",
     "strains_of_gradient",
     "tau_of_hencky",
 ]
@@ -110,9 +111,16 @@ def deviator(eps):
 def settled(changed, eps, axes, e, rest):
     """The twelve lanes of state: E from the Hencky strains where ``changed``, else as it was, to the last bit."""
     if any_lane(changed):
-        n00, n01, n02, n11, n12, n22 = symmetric_from_eigen(
-            (expm1(eps[0] + eps[0]), expm1(eps[1] + eps[1]), expm1(eps[2] + eps[2])), axes
-        )
+        strains = expm1(eps[0] + eps[0]), expm1(eps[1] + eps[1]), expm1(eps[2] + eps[2])
+        return settled_strains(changed, strains, axes, e, rest)
+    return e[0], e[1], e[2], e[3], e[4], e[5], rest[0], rest[1], rest[2], rest[3], rest[4], rest[5]
+
+
+@inline
+def settled_strains(changed, strains, axes, e, rest):
+    """As ``settled``, from the principal values of E."""
+    if any_lane(changed):
+        n00, n01, n02, n11, n12, n22 = symmetric_from_eigen(strains, axes)
         zero = like(n00, _f(0))
         e = (
             where(changed, n00, e[0]),

@@ -25,12 +25,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.mpm.laws.elastic_strain import STRAIN_STATE, advanced, hencky_strains, principal_strains
+from phys4dgen.mpm.laws.elastic_strain import (
+    STRAIN_STATE,
+    advanced,
+    hencky_strains,
+    principal_strains,
+    settled_strains,
+)
 from phys4dgen.mpm.laws.fixed_corotated import corotated_energy_pa, corotated_stress
 from phys4dgen.mpm.laws.law import Gradient, Law, LawId, register
 from phys4dgen.vector.lanes import any_lane, like, maximum, minimum, sqrt, where
 from phys4dgen.vector.math import exp, inline
-from phys4dgen.vector.matrix import symmetric_from_eigen
 
 __all__ = ["SNOW", "energy_density_pa", "response"]
 
@@ -59,29 +64,9 @@ def response(h, c, dt, parameters, state):
         ratio = sqrt((_1 + e0) * (_1 + e1) * (_1 + e2) / ((_1 + n0) * (_1 + n1) * (_1 + n2)))
         grown = (_1 + plastic) * ratio - _1
         plastic = where(yields, minimum(maximum(grown, like(grown, _LOW)), like(grown, _HIGH)), plastic)
-        m0, m1, m2, m3, m4, m5 = symmetric_from_eigen((n0, n1, n2), axes)
-        zero = like(m0, np.float32(0))
-        e = (
-            where(yields, m0, e[0]),
-            where(yields, m1, e[1]),
-            where(yields, m2, e[2]),
-            where(yields, m3, e[3]),
-            where(yields, m4, e[4]),
-            where(yields, m5, e[5]),
-        )
-        rest = (
-            where(yields, zero, rest[0]),
-            where(yields, zero, rest[1]),
-            where(yields, zero, rest[2]),
-            where(yields, zero, rest[3]),
-            where(yields, zero, rest[4]),
-            where(yields, zero, rest[5]),
-        )
     hardness = minimum(exp(-xi * plastic), like(plastic, np.float32(_HARDEST)))
     tau = corotated_stress((n0, n1, n2), axes, hardness * mu, hardness * lam)
-    return tau, (
-        e[0], e[1], e[2], e[3], e[4], e[5], rest[0], rest[1], rest[2], rest[3], rest[4], rest[5], plastic
-    )  # fmt: skip
+    return tau, (*settled_strains(yields, (n0, n1, n2), axes, e, rest), plastic)
 
 
 def _hardness(parameters: NDArray[np.float64], state: NDArray[np.float64]) -> NDArray[np.float64]:

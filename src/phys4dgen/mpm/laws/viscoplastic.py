@@ -28,21 +28,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.mpm.laws.elastic_strain import (
-    STRAIN_STATE,
-    advanced,
-    deviator,
-    hencky_energy_pa,
-    hencky_strains,
-    principal_hencky,
-    settled,
-    tau_of_hencky,
-)
+from phys4dgen.mpm.laws.elastic_strain import STRAIN_STATE
 from phys4dgen.mpm.laws.law import Gradient, Law, LawId, register
+from phys4dgen.mpm.laws.viscous_flow import energy_density_pa, relaxed, trial
 from phys4dgen.vector.lanes import like, maximum, where
 from phys4dgen.vector.math import inline
 
-__all__ = ["VISCOPLASTIC", "energy_density_pa", "response"]
+__all__ = ["VISCOPLASTIC", "response"]
 
 _f = np.float32
 
@@ -51,27 +43,13 @@ _f = np.float32
 def response(h, c, dt, parameters, state):
     """(tau, state); see ``Law.response``. Parameters mu, lam, sqrt(2/3) sY, 2 eta; state E and its rest."""
     mu, lam, radius, resistance = parameters
-    e, rest = advanced(state, c, dt)
-    eps, axes = principal_hencky(e)
-    trace, (d0, d1, d2), norm = deviator(eps)
-    stress = (mu + mu) * norm
+    stress, compliance, before = trial(mu, c, dt, state)
     excess = stress - radius
     flows = excess > _f(0)
-    # 2 mu' dt with tr b = 3 + tr E; where dt = 0 nothing flows
-    compliance = _f(2 / 3) * mu * dt * (_f(3) + e[0] + e[3] + e[5])
     tiny = like(mu, _f(1e-20))
-    relaxed = excess * compliance / maximum(compliance + resistance, tiny)
-    keep = where(flows, _f(1) - relaxed / maximum(stress, tiny), like(mu, _f(1)))
-    mean = trace * _f(1 / 3)
-    eps = (mean + keep * d0, mean + keep * d1, mean + keep * d2)
-    return tau_of_hencky(eps, axes, mu, lam), settled(flows, eps, axes, e, rest)
-
-
-def energy_density_pa(
-    F: NDArray[Any], parameters: NDArray[np.float64], state: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Stored energy per rest volume [P] in J/m3; see ``Law.energy_density_pa``."""
-    return hencky_energy_pa(hencky_strains(state), parameters[0], parameters[1])
+    given_way = excess * compliance / maximum(compliance + resistance, tiny)  # nothing where dt = 0
+    keep = where(flows, _f(1) - given_way / maximum(stress, tiny), like(mu, _f(1)))
+    return relaxed(flows, keep, before, mu, lam)
 
 
 def _prepare(material: Any) -> tuple[NDArray[np.float64], ...]:
