@@ -17,10 +17,10 @@ _GAUSS_POINTS = 5
 class Account:
     """Adds up work, frame by frame.
 
-    Gravity and uniform loads do m a . (way of each particle), exactly; fields the same along the cubic path that has
-    the places and velocities of both frames, a blow m dv . (v + dv / 2). Moving obstacles do -(reaction) . (way). What
-    a drive gives is what is missing in the balance of momentum, so a scene with a drive has no held parts; it does that
-    momentum times the mean velocity of what it drives, which solids may have stopped.
+    Gravity and uniform loads do m a . (way of each particle), exactly; fields along the cubic path that has the
+    places and velocities of both frames, drag with its mean at both ends, a blow m dv . (v + dv / 2). Moving obstacles
+    do -(reaction) . (way). What a drive gives is what is missing in the balance of momentum, so a scene with a drive
+    has no held parts; it does that momentum times its velocity, or that of what it drives where solids stop it.
 
     Attributes:
         work_j: done so far.
@@ -62,7 +62,8 @@ class Account:
             if drive.from_s <= last.time_s < drive.to_s:
                 kept = np.exp(-settings.damping_per_s * frame_s)
                 missing = frame.momentum_kgms - (last.momentum_kgms + given) * kept
-                work += max(0.0, float(missing @ way[drive.selects(body)].mean(0)) / frame_s)
+                followed_ms = way[drive.selects(body)].mean(0) / frame_s
+                work += max(0.0, float(missing @ np.array(drive.velocity_ms)), float(missing @ followed_ms))
         self.work_j += float(work)
         self._last = frame
 
@@ -71,26 +72,29 @@ def _work_of_field(load: Field, body: Body, last: Frame, frame: Frame, mine: NDA
     """Work per mass of a field that acts on particles ``mine`` from one frame to the next, [M].
 
     Fields may turn within a frame (a vortex whose core the particles cross), so the integral of a . dx is taken by
-    Gauss' rule along the cubic with the places and velocities of both frames.
+    Gauss' rule along the cubic with the places and velocities of both frames. Drag depends on velocities, which a
+    collision changes at once: there the mean of both ends does not take the bend of the cubic for speed.
     """
     step_s = frame.time_s - last.time_s
     mass_kg = body.mass_kg[mine]
     x0, x1 = last.positions_m[mine], frame.positions_m[mine]
-    m0, m1 = step_s * last.velocities_ms[mine].astype(float), step_s * frame.velocities_ms[mine].astype(float)
+    v0, v1 = last.velocities_ms[mine].astype(float), frame.velocities_ms[mine].astype(float)
     work = np.zeros(len(mass_kg))
     for node, weight in zip(*np.polynomial.legendre.leggauss(_GAUSS_POINTS), strict=True):
         s = (1 + node) / 2
-        place = (1 + 2 * s) * (1 - s) ** 2 * x0 + s * (1 - s) ** 2 * m0 + s**2 * (3 - 2 * s) * x1 + s**2 * (s - 1) * m1
-        slope = 6 * s * (1 - s) * (x1 - x0) + (1 - s) * (1 - 3 * s) * m0 + s * (3 * s - 2) * m1
-        felt = _felt(load, Sample(place, slope / step_s, mass_kg, last.time_s + s * step_s))
+        place = (1 + 2 * s) * (1 - s) ** 2 * x0 + s**2 * (3 - 2 * s) * x1
+        place += step_s * s * (1 - s) * ((1 - s) * v0 - s * v1)
+        slope = 6 * s * (1 - s) * (x1 - x0) + step_s * ((1 - s) * (1 - 3 * s) * v0 + s * (3 * s - 2) * v1)
+        felt = load.at(Sample(place, slope / step_s, mass_kg, last.time_s + s * step_s)).acceleration_ms2
         work += weight / 2 * np.einsum("pi,pi->p", felt, slope)
-    return work
+    drag = (_drag(load, Sample(x0, v0, mass_kg, last.time_s)) + _drag(load, Sample(x1, v1, mass_kg, frame.time_s))) / 2
+    return work + np.einsum("pi,pi->p", drag, x1 - x0)
 
 
-def _felt(load: Field, state: Sample) -> NDArray[np.float64]:
-    """Acceleration by a field of particles, [M, 3]."""
+def _drag(load: Field, state: Sample) -> NDArray[np.float64]:
+    """Acceleration by the air of a field, [M, 3]."""
     answer = load.at(state)
     if answer.drag_per_s is None:
-        return answer.acceleration_ms2
+        return np.zeros_like(state.velocities_ms)
     rate = np.broadcast_to(answer.drag_per_s, len(state.mass_kg))[:, None]
-    return answer.acceleration_ms2 + rate * (np.array(answer.air_ms) - state.velocities_ms)
+    return rate * (np.array(answer.air_ms) - state.velocities_ms)

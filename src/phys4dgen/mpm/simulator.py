@@ -287,7 +287,7 @@ class Simulator:
         )
         particles.columns, particles.spare = particles.spare, particles.columns
         reactions = None if self._rigid is None else self._rigid.reactions
-        self._solids.end(*span_s, grid.contacts, rigid=reactions, soft_share=soft_share)
+        self._solids.end(*span_s, grid.contacts, kept=1 - damping, rigid=reactions, soft_share=soft_share)
 
     def _felt(self) -> dict[str, NDArray[Any]]:
         """What fields ask for: particles of the body, where they are and how fast; nothing where there are none."""

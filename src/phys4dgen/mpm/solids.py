@@ -91,6 +91,7 @@ class Solids:
         to_s: float,
         contacts: tuple[NDArray[Any], ...],
         *,
+        kept: float,
         rigid: NDArray[np.float64] | None,
         soft_share: NDArray[np.floating] | None,
     ) -> None:
@@ -100,6 +101,7 @@ class Solids:
             from_s: start of the segment.
             to_s: its end.
             contacts: of the grid.
+            kept: share of velocities that damping leaves in a substep; solids meet what is left and give as much less.
             rigid: impulses on rigid groups, [count, 3], or None without them.
             soft_share: share of the mass at each contact that reads the limited velocity, [fields, K], or None: all.
         """
@@ -112,7 +114,7 @@ class Solids:
         if rigid is not None:
             taken += rigid
             rigid[:] = 0
-        taken *= self._mass_unit_kg
+        taken *= self._mass_unit_kg / kept
         self.given_kgms += taken
         self.shifts_m += self.velocities_ms * (to_s - from_s)
         for number, obstacle in enumerate(self._obstacles):
