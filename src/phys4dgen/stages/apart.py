@@ -24,6 +24,7 @@ __all__ = [
     "Apart",
     "bonded_by_object",
     "held_by_object",
+    "object_numbers",
     "objects_apart",
     "rigid_by_object",
     "skin_by_object",
@@ -54,6 +55,14 @@ def objects_apart(scene: Scene, parts: Parts, continuum: Continuum) -> tuple[Apa
         numbers = np.flatnonzero([owner == name for owner in owners])
         found.append(Apart(name, numbers, np.isin(continuum.part, numbers)))
     return tuple(found)
+
+
+def object_numbers(scene: Scene, parts: Parts, continuum: Continuum) -> NDArray[np.int32]:
+    """Number of the object that each particle belongs to, [P]: bodies that touch and do not weld."""
+    numbers = np.zeros(len(continuum), np.int32)
+    for number, own in enumerate(objects_apart(scene, parts, continuum)):
+        numbers[own.particles] = number
+    return numbers
 
 
 def held_by_object(

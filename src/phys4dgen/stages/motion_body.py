@@ -18,7 +18,13 @@ from phys4dgen.mpm import Body, Ground, Settings, stiff_parts
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Ground as GroundOptions
 from phys4dgen.scene import Scene, options_by_part
-from phys4dgen.stages.apart import bonded_by_object, held_by_object, rigid_by_object, starting_velocities
+from phys4dgen.stages.apart import (
+    bonded_by_object,
+    held_by_object,
+    object_numbers,
+    rigid_by_object,
+    starting_velocities,
+)
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.motion_changes import material_changes
 from phys4dgen.stages.motion_facts import RigidPart
@@ -138,6 +144,7 @@ def _assembled(given: Given, held: Held, body_of: NDArray[np.int32]) -> Assembly
     body = replace(
         assembly.body,
         rigid_group=body_of,
+        body_id=object_numbers(scene, given.parts, continuum),
         bonded_to_held=bonded_by_object(scene, asset, given.parts, continuum, held=held.particles),
         velocities_ms=starting_velocities(scene, asset, given.parts, continuum, mass_kg=assembly.mass_kg)
         * ~held.particles[:, None],
