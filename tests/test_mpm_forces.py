@@ -22,6 +22,7 @@ from phys4dgen.mpm import (
     Vortex,
     Wind,
 )
+from phys4dgen.mpm.fields import Sample
 
 DX = 0.02
 G = 9.81
@@ -155,7 +156,7 @@ def test_noise_has_its_strength_no_sources_and_is_the_same_again():
     points = rng.uniform(-5, 5, (4000, 3))
 
     def felt(points, time_s=0.7, field=noise):
-        return field.at(points, np.zeros_like(points), np.ones(len(points)), time_s).acceleration_ms2
+        return field.at(Sample(points, np.zeros_like(points), np.ones(len(points)), time_s)).acceleration_ms2
 
     at = felt(points)
     assert np.sqrt((at**2).sum(1).mean()) == pytest.approx(3.0, rel=0.05)
