@@ -1,9 +1,11 @@
 """The inside of analytic shapes from views of their Gaussians: occupancy, volume, methods, hollow parts, bottoms."""
 
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
-from interior_shapes import SHAPES, Shape, box, closed_can, cup, lattice, occupancy
+from interior_shapes import SHAPES, Shape, box, closed_can, cup, lattice, occupancy, sphere
 from phys4dgen.interior import discover_interior
 from phys4dgen.interior.groups import particle_groups
 from phys4dgen.interior.open_bottom import views_that_judge
@@ -74,6 +76,20 @@ def test_a_closed_can_is_hollow_where_that_was_said():
     assert thin.thickness_measured[walls].all()
     area = 2 * np.pi * 0.5 * 1.2 + 2 * np.pi * 0.5**2
     np.testing.assert_allclose(thin.volume_m3.sum(), 0.01 * area, rtol=0.2)
+
+
+def test_a_wall_does_not_give_its_inside_to_what_it_stands_on():
+    """A balloon on a block: the known thickness of its skin says nothing about a filling from below."""
+    ball, block = sphere(0.6).gaussians(0.03), box((0.25, 0.25, 0.25)).gaussians(0.03)
+    both = [replace(ball, means=ball.means + np.float32([0, 0, 0.8])), block]
+    names = [entry.name for entry in fields(Gaussians)]
+    gaussians = Gaussians(**{name: np.concatenate([getattr(one, name) for one in both]) for name in names})
+    parts = Parts(np.repeat(np.int32([0, 1]), [len(ball), len(block)]), ("ball", "block"), "test")
+    found = discover_interior(
+        gaussians, _views(gaussians), parts, frame=Frame(UP, 1.0), cell=1.65 / 24, wall_m={0: 0.001}
+    ).continuum
+    volumes = np.bincount(found.part, found.volume_m3, 2)
+    np.testing.assert_allclose(volumes, [4 / 3 * np.pi * 0.6**3, 0.5**3], rtol=0.12)
 
 
 def test_views_into_an_open_bottom_do_not_carve():

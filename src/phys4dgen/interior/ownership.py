@@ -89,7 +89,8 @@ def fill_vessel(
     others = np.flatnonzero(~mine & (gaussians.opacities > 0.3))
     distance, above = KDTree(means[others][:, :2]).query(points_up[deep][:, :2], k=min(32, len(others)), workers=-1)
     above = others[above.reshape(len(deep), -1)]
-    height = np.where(distance.reshape(above.shape) < wall, means[above, 2], np.inf)
+    over = (distance.reshape(above.shape) < wall) & (means[above, 2] > points_up[deep][:, 2:])  # not what it stands on
+    height = np.where(over, means[above, 2], np.inf)
     lowest = above[np.arange(len(deep)), height.argmin(1)][np.isfinite(height.min(1))]
     if len(lowest) == 0:
         return
