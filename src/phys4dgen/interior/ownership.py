@@ -14,6 +14,7 @@ __all__ = ["fill_vessel", "part_of_particles"]
 
 _NEIGHBORS = 8
 _FACES = 32  # surfaces nearest to a particle that may be the face of its wall
+_COVERED = 0.5  # of what lies deep in a vessel, at least so much lies under its filling
 _NEAR = 1.5  # particle spacings: Gaussians nearer than this say more than a cell of the label grid
 
 
@@ -92,7 +93,7 @@ def fill_vessel(
     over = (distance.reshape(above.shape) < wall) & (means[above, 2] > points_up[deep][:, 2:])  # not what it stands on
     height = np.where(over, means[above, 2], np.inf)
     lowest = above[np.arange(len(deep)), height.argmin(1)][np.isfinite(height.min(1))]
-    if len(lowest) == 0:
+    if len(lowest) < _COVERED * len(deep):
         return
     filling = np.bincount(parts.labels[lowest], minlength=parts.count).argmax()
     part[deep] = filling
