@@ -106,6 +106,19 @@ def test_the_lid_of_a_sandwich_is_bread():
     assert concluded(replace(crown, area_share=0.05), heel, patty) == "abs"  # a cocktail tomato
 
 
+def test_what_nothing_explains_on_a_toy_is_what_the_toy_is():
+    """A soft ball under a hard duck would be crushed by it."""
+    duck = replace(
+        POT, name="duck", lightness=69, chroma=57, hue_deg=93, top=0.81, area_share=0.78, roundness=0.2, encloses=(),
+        carries=(),
+    )  # fmt: skip
+    ball = replace(duck, name="ball", lightness=22, chroma=7, hue_deg=263, top=0.23, area_share=0.06, roundness=0.4)
+    assert concluded(duck, ball) == "abs"
+    assert concluded(ball, duck) == "abs"
+    assert concluded(ball, replace(duck, area_share=0.4)) is None
+    assert concluded(replace(ball, sheet_share=0.9), duck) == "cotton_fabric"  # a flag
+
+
 def test_a_telling_name_decides():
     gaussians, parts = plant_parts(("terracotta", "soil", "Leaves"))
     book = identify_by_rules(gaussians, parts, Z_UP)

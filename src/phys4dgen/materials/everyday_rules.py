@@ -84,6 +84,17 @@ def _is_sand(part: PartFeatures) -> bool:
     return pale and heap and part.area_share > 0.3
 
 
+def _is_plastic(part: PartFeatures) -> bool:
+    return part.chroma > 40 and part.is_thin is not True and not is_green(part)
+
+
+def _on_plastic(part: PartFeatures, others: Neighbours) -> bool:
+    """A solid on an object that is mostly one piece of plastic."""
+    return part.is_thin is not True and any(
+        _is_plastic(other) and other.area_share > 0.5 and other.name != part.name for other in others.values()
+    )
+
+
 def _is_slender(part: PartFeatures) -> bool:
     return part.is_rod is True or part.top - part.foot > 3 * part.width
 
@@ -316,7 +327,16 @@ EVERYDAY_RULES: tuple[Rule, ...] = (
         confidence=0.4,
         example="toys and appliances",
         counter_example="a tomato, a painted piece of wood, a wax candle",
-        applies=lambda part, others: part.chroma > 40 and part.is_thin is not True and not is_green(part),
+        applies=lambda part, others: _is_plastic(part),
+    ),
+    Rule(
+        name="part of a plastic thing",
+        says="a solid that nothing else explains, on an object that is mostly one piece of plastic",
+        material="abs",
+        confidence=0.3,
+        example="the painted ball and eyes of a toy duck",
+        counter_example="the rubber tyres of a toy car",
+        applies=_on_plastic,
     ),
 )
 """Tried in this order."""
