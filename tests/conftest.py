@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +17,12 @@ SHARED_DATA = (Path(__file__).parents[1] / "../shared/data").resolve()
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The how-tos first: with several workers the longest file must not begin last."""
     items.sort(key=lambda item: item.path.name != "test_howtos.py")
+
+
+def pytest_configure() -> None:
+    """A shell starts what runs in its background deaf to Ctrl-C, and children inherit that; some tests send it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
