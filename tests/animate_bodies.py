@@ -69,3 +69,11 @@ def wavy(points, amplitude=0.08, time=1.0):
         moved = moved + amplitude * np.sin(time + m) * np.sin(phase)[:, None] * direction[m]
         gradient += amplitude * np.sin(time + m) * np.cos(phase)[:, None, None] * np.outer(direction[m], k[m])
     return moved, gradient
+
+
+def skinned_block():
+    """333 Gaussians (not a whole number of vectors) in and just outside 8 x 8 x 8 particles, those, and the skin."""
+    particles = lattice((8, 8, 8))
+    gaussians = gaussians_at(np.random.default_rng(1).uniform(-0.05, 0.85, (333, 3)))
+    continuum = continuum_of(particles)
+    return gaussians, particles, skinned(gaussians, continuum)

@@ -14,6 +14,7 @@ from animate_bodies import (
     relative_error,
     rotation,
     skinned,
+    skinned_block,
     wavy,
 )
 from phys4dgen.animate import Animator, AxisTracker, skin
@@ -23,11 +24,7 @@ from reference import animate_reference as reference
 
 @pytest.fixture(scope="module")
 def block():
-    """Particles 8 x 8 x 8 and 333 Gaussians in and just outside them (333: not a whole number of vectors)."""
-    particles = lattice((8, 8, 8))
-    gaussians = gaussians_at(np.random.default_rng(1).uniform(-0.05, 0.85, (333, 3)))
-    continuum = continuum_of(particles)
-    return gaussians, particles, skinned(gaussians, continuum)
+    return skinned_block()
 
 
 # ------------------------------------------------------------------------------------------------------- the skin
