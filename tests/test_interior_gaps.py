@@ -1,9 +1,11 @@
 """How much of the thin surfaces lies too close to another one for the grid to tell them apart."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from phys4dgen.interior.gaps import welded_share
+from phys4dgen.interior.gaps import narrow_gaps
 from phys4dgen.types import SHEET, Continuum, Frame, rotation_to_z_up
 
 CELL_M = 4e-3
@@ -37,7 +39,11 @@ def _sheets(*heights_cells, tilt=(0.0, 0.0, 1.0), size=12, curve_cells=0.0):
 
 def _share(continuum, free=None):
     free = np.ones(len(continuum), bool) if free is None else free
-    return welded_share(continuum, frame=FRAME, free=free, cell_m=CELL_M)
+    body_id = np.zeros(len(continuum), np.int32)
+    gaps = narrow_gaps(continuum, frame=FRAME, free=free, body_id=body_id, cell_m=CELL_M)
+    assert gaps.close == gaps.welded
+    assert gaps.welded_parts == 0
+    return gaps.welded
 
 
 @pytest.mark.parametrize("tilt", [(0.0, 0.0, 1.0), (0.4, -0.3, 0.8)])
@@ -57,3 +63,13 @@ def test_only_what_is_free_counts():
     assert _share(three) == pytest.approx(2 / 3)
     assert _share(three, ~held) == 0
     assert _share(three, np.zeros(len(three), bool)) == 0
+
+
+def test_bodies_with_their_own_velocity_fields_are_close_but_not_glued():
+    three = _sheets(0.0, 1.0, 2.0)
+    third = np.repeat(np.int32([0, 1, 2]), len(three) // 3)
+    three = replace(three, part=third)
+    free = np.ones(len(three), bool)
+    for body_id, welded in ((third, 0.0), (np.minimum(third, 1), 2 / 3), (0 * third, 1.0)):
+        gaps = narrow_gaps(three, frame=FRAME, free=free, body_id=body_id, cell_m=CELL_M)
+        assert gaps == pytest.approx((1.0, welded, welded))

@@ -1,6 +1,7 @@
-"""What may not cross from one object to another: joints, clamps, skin, and who is held by itself.
+"""What may not cross from one body to another: joints, clamps, skin, and who is held by itself.
 
-Objects that touch share the grid and nothing else. Where there is one object alone, it is all there is.
+A body is one of several objects, or a part that the scene calls separate. Bodies that touch share the grid and nothing
+else. Where nothing is apart, there is one body.
 """
 
 from __future__ import annotations
@@ -16,56 +17,69 @@ from numpy.typing import NDArray
 from phys4dgen.animate import Skin, skin
 from phys4dgen.joints import bonded_to_held, rigid_bodies
 from phys4dgen.motion import Held, choose_held
-from phys4dgen.scene import Scene, object_of
+from phys4dgen.scene import Scene, object_of, options_by_part
 from phys4dgen.stages.asset import Asset
 from phys4dgen.types import Continuum, Parts
 
 __all__ = [
     "Apart",
-    "bonded_by_object",
-    "held_by_object",
-    "object_numbers",
-    "objects_apart",
-    "rigid_by_object",
-    "skin_by_object",
+    "bodies_apart",
+    "body_numbers",
+    "bonded_by_body",
+    "held_by_body",
+    "parts_apart",
+    "rigid_by_body",
+    "skin_by_body",
     "starting_velocities",
 ]
 
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """One object among several.
+    """One body among several.
 
     Attributes:
-        name: of the object; empty where it is the only one.
+        name: of its object, empty where there is one alone, or of the separate part.
+        is_separate: it is a separate part.
         numbers: of its parts, ascending.
         particles: those that are its own, [P], bool.
     """
 
     name: str
+    is_separate: bool
     numbers: NDArray[np.intp]
     particles: NDArray[np.bool_]
 
 
-def objects_apart(scene: Scene, parts: Parts, continuum: Continuum) -> tuple[Apart, ...]:
-    """The objects that there are, in the order of their parts."""
-    owners = [object_of(name) if scene.objects else "" for name in parts.names]
-    found = []
-    for name in dict.fromkeys(owners):
-        numbers = np.flatnonzero([owner == name for owner in owners])
-        found.append(Apart(name, numbers, np.isin(continuum.part, numbers)))
-    return tuple(found)
+def parts_apart(scene: Scene, parts: Parts) -> dict[tuple[str, bool], NDArray[np.intp]]:
+    """Numbers of the parts that hang together, by name of their object, or of the separate part and that it is one."""
+    options = options_by_part(scene, parts.names)
+    owners = [
+        (name, True)
+        if name in options and options[name].separate
+        else (object_of(name) if scene.objects else "", False)
+        for name in parts.names
+    ]
+    return {body: np.flatnonzero([owner == body for owner in owners]) for body in dict.fromkeys(owners)}
 
 
-def object_numbers(scene: Scene, parts: Parts, continuum: Continuum) -> NDArray[np.int32]:
-    """Number of the object that each particle belongs to, [P]: bodies that touch and do not weld."""
+def bodies_apart(scene: Scene, parts: Parts, continuum: Continuum) -> tuple[Apart, ...]:
+    """The bodies that there are, in the order of their parts."""
+    return tuple(
+        Apart(name, is_separate, numbers, np.isin(continuum.part, numbers))
+        for (name, is_separate), numbers in parts_apart(scene, parts).items()
+    )
+
+
+def body_numbers(scene: Scene, parts: Parts, continuum: Continuum) -> NDArray[np.int32]:
+    """Number of the body that each particle belongs to, [P]: bodies touch and do not weld."""
     numbers = np.zeros(len(continuum), np.int32)
-    for number, own in enumerate(objects_apart(scene, parts, continuum)):
+    for number, own in enumerate(bodies_apart(scene, parts, continuum)):
         numbers[own.particles] = number
     return numbers
 
 
-def held_by_object(
+def held_by_body(
     scene: Scene,
     asset: Asset,
     parts: Parts,
@@ -75,11 +89,11 @@ def held_by_object(
     automatic: bool,
     lowest_share: float,
 ) -> Held:
-    """``choose_held`` for each object by itself."""
+    """``choose_held`` for each body by itself; of separate parts only what the user names is held."""
     particles = np.zeros(len(continuum), np.bool_)
     names: list[str] = []
     reasons: dict[str, str] = {}
-    for own in objects_apart(scene, parts, continuum):
+    for own in bodies_apart(scene, parts, continuum):
         mine = np.isin(parts.labels, own.numbers)
         labels = np.searchsorted(own.numbers, parts.labels[mine]).astype(np.int32)
         own_parts = Parts(labels, tuple(parts.names[number] for number in own.numbers), parts.backend)
@@ -90,7 +104,7 @@ def held_by_object(
             own_parts,
             frame=asset.frame,
             holds={name: hold for name, hold in holds.items() if name in own_parts.names},
-            automatic=automatic,
+            automatic=automatic and not own.is_separate,
             lowest_share=lowest_share,
         )
         particles[own.particles] = held.particles
@@ -101,13 +115,13 @@ def held_by_object(
     return Held(particles, tuple(names), "; ".join(f"{name}: {reason}" for name, reason in reasons.items()))
 
 
-def rigid_by_object(
+def rigid_by_body(
     scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, *, rigid_parts: list[int], held: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-    """``rigid_bodies`` for each object by itself: two that touch are never one body, nor held by one another."""
+    """``rigid_bodies`` for each body by itself: two that touch are never one body, nor held by one another."""
     rest_m = asset.frame.to_metres(continuum.positions)
     body, stuck = np.full(len(continuum), -1, np.int32), np.zeros(len(continuum), np.bool_)
-    for own in objects_apart(scene, parts, continuum):
+    for own in bodies_apart(scene, parts, continuum):
         mine = own.particles
         bodies, stuck[mine] = rigid_bodies(
             rest_m[mine], continuum.part[mine], rigid_parts=rigid_parts, held=held[mine], cell_m=asset.cell_m
@@ -116,15 +130,15 @@ def rigid_by_object(
     return body, stuck
 
 
-def bonded_by_object(
+def bonded_by_body(
     scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, *, held: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """``bonded_to_held`` for each object by itself; what is near another object's held matter only touches it."""
+    """``bonded_to_held`` for each body by itself; what is near another body's held matter only touches it."""
     rest_m = asset.frame.to_metres(continuum.positions)
     pieces = np.stack([continuum.part, continuum.piece], 1)
     piece = np.unique(pieces, axis=0, return_inverse=True)[1].reshape(-1)
     bonded = np.ones(len(continuum), np.bool_)
-    for own in objects_apart(scene, parts, continuum):
+    for own in bodies_apart(scene, parts, continuum):
         mine = own.particles
         anything_held = bool(held[mine].any()) or not held.any()
         bonded[mine] = anything_held
@@ -133,13 +147,13 @@ def bonded_by_object(
     return bonded
 
 
-def skin_by_object(scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, *, held_parts: list[int]) -> Skin:
-    """``skin`` for each object by itself, so that none carries Gaussians of another."""
-    objects = objects_apart(scene, parts, continuum)
-    if len(objects) == 1:
+def skin_by_body(scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, *, held_parts: list[int]) -> Skin:
+    """``skin`` for each body by itself, so that none carries Gaussians of another."""
+    bodies = bodies_apart(scene, parts, continuum)
+    if len(bodies) == 1:
         return skin(asset.gaussians, parts.labels, continuum, frame=asset.frame, held_parts=held_parts)
     joined: dict[str, NDArray[Any]] = {}
-    for own in objects:
+    for own in bodies:
         rows, members = np.flatnonzero(np.isin(parts.labels, own.numbers)), np.flatnonzero(own.particles)
         points = continuum.subset(own.particles)
         itself = np.where(points.gaussian_index < 0, -1, np.searchsorted(rows, points.gaussian_index))
@@ -158,11 +172,9 @@ def starting_velocities(
     """Velocity with which each particle starts, metres per second, z up, [P, 3]."""
     rest_m = asset.frame.to_metres(continuum.positions)
     velocities = np.zeros((len(continuum), 3))
-    for own in objects_apart(scene, parts, continuum):
-        placed = scene.objects.get(own.name)
-        if placed is None:
-            continue
-        mine = own.particles
+    owner = np.array([object_of(name) for name in parts.names])[continuum.part]
+    for name, placed in scene.objects.items():
+        mine = owner == name
         center = np.average(rest_m[mine], axis=0, weights=mass_kg[mine])
         spin = np.array([math.radians(value) for value in placed.spin_deg_s])
         velocities[mine] = np.array(placed.velocity_ms) + np.cross(spin, rest_m[mine] - center)

@@ -2,25 +2,83 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import KDTree
+
 from phys4dgen.errors import SceneError, did_you_mean
-from phys4dgen.interior import Interior, discover_interior, with_thickness
+from phys4dgen.interior import Interior, discover_interior, joined_interiors, with_thickness
 from phys4dgen.materials.library import find_entry
 from phys4dgen.progress import Progress
 from phys4dgen.scene import PartOptions, Scene, options_by_part
+from phys4dgen.stages.apart import parts_apart
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.views import rendered
 from phys4dgen.types import Continuum, MaterialBook, Parts
 
 __all__ = ["fill", "settled_thickness"]
 
+_SAME_PLACE = 0.75
+"""Particles of two bodies that are nearer than this, in particle spacings, claim one place."""
+
 
 def fill(scene: Scene, asset: Asset, parts: Parts, progress: Progress) -> Interior:
-    """Find the inside and fill it with particles (Paper: Sec. 3.3)."""
+    """Find the inside and fill it with particles (Paper: Sec. 3.3); separate parts are looked at by themselves."""
+    bodies = list(parts_apart(scene, parts).values())
+    hollow = _hollow_walls(scene, parts)
+    if len(bodies) == 1:
+        return _filled(scene, asset, parts, hollow, progress)
+    found = []
+    for numbers in bodies:
+        rows = np.flatnonzero(np.isin(parts.labels, numbers))
+        gaussians = asset.gaussians.subset(rows)
+        lower, upper = gaussians.robust_bounds(rotation=asset.frame.rotation)
+        labels = np.searchsorted(numbers, parts.labels[rows]).astype(np.int32)
+        own = Parts(labels, tuple(parts.names[number] for number in numbers), parts.backend)
+        walls = {k: hollow[number] for k, number in enumerate(numbers.tolist()) if number in hollow}
+        progress.note(f"By itself: {', '.join(own.names)}.")
+        # The exact inside is of all parts together; alone, each is found as a capture's is.
+        alone = replace(asset, gaussians=gaussians, lower=lower, upper=upper, solid=None)
+        interior = _filled(scene, alone, own, walls, progress)
+        itself = interior.continuum.gaussian_index
+        continuum = replace(
+            interior.continuum,
+            part=numbers[interior.continuum.part].astype(np.int32),
+            gaussian_index=np.where(itself < 0, -1, rows[itself]).astype(np.int32),
+        )
+        found.append(replace(interior, continuum=continuum))
+    return joined_interiors(_without_overlaps(found, asset, parts))
+
+
+def _without_overlaps(found: list[Interior], asset: Asset, parts: Parts) -> list[Interior]:
+    """Where two bodies claim one place (of a face that nobody saw), the one whose Gaussians are nearer has it."""
+    means = asset.gaussians.means.astype(np.float64)
+    body_of = np.zeros(parts.count, np.intp)
+    for body, interior in enumerate(found):
+        body_of[np.unique(interior.continuum.part)] = body
+    surface = KDTree(means)
+    trees = [KDTree(interior.continuum.positions) for interior in found]
+    kept = []
+    for body, interior in enumerate(found):
+        points = interior.continuum.positions
+        reach = _SAME_PLACE * interior.continuum.spacing_m / asset.frame.metres_per_unit
+        claimed = np.zeros(len(points), np.bool_)
+        for other, tree in enumerate(trees):
+            if other != body:
+                claimed |= np.isfinite(tree.query(points, distance_upper_bound=reach)[0])
+        _, nearest = surface.query(points[claimed])
+        claimed[claimed] = body_of[parts.labels[nearest]] != body
+        kept.append(replace(interior, continuum=interior.continuum.subset(~claimed)))
+    return kept
+
+
+def _filled(scene: Scene, asset: Asset, parts: Parts, hollow: dict[int, float], progress: Progress) -> Interior:
+    """The inside of parts that hang together."""
     wanted = scene.interior
     spacing = 0.5 if isinstance(wanted.spacing, str) else wanted.spacing
     known = asset.solid.contains if asset.solid is not None and wanted.method == "auto" else None
     views = rendered(asset, "carve", 640, progress) if known is None else rendered(asset, "object", 256, progress)
-    hollow = _hollow_walls(scene, parts)
     walls = {number: wall for number, wall in _given_thickness(scene, parts).items() if number not in hollow}
     interior = discover_interior(
         asset.gaussians,

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from phys4dgen.animate import Animator
 from phys4dgen.body import Assembly
-from phys4dgen.interior import Interior, welded_share
+from phys4dgen.interior import Interior, narrow_gaps
 from phys4dgen.motion import Held
 from phys4dgen.mpm import Simulator, changed_body
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Scene
-from phys4dgen.stages.apart import skin_by_object
+from phys4dgen.stages.apart import skin_by_body
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.courant import tell_courant_numbers
 from phys4dgen.stages.interior import settled_thickness
@@ -95,12 +95,16 @@ def _tell_what_differs(
             f"instead of {cap.true_youngs_modulus_pa:.2g} Pa to save time steps; strains there stay below "
             f"{100 * cap.largest_strain:.1g} %, which is not seen."
         )
-    facts.welded_share = welded_share(continuum, frame=asset.frame, free=assembly.body.is_soft, cell_m=asset.cell_m)
-    if facts.welded_share > _WELDED_WARNING:
+    body = assembly.body
+    assert body.body_id is not None
+    gaps = narrow_gaps(continuum, frame=asset.frame, free=body.is_soft, body_id=body.body_id, cell_m=asset.cell_m)
+    facts.close_share, facts.welded_share = gaps.close, gaps.welded
+    if gaps.welded > _WELDED_WARNING:
         finer = f"--simulation.cell-m {asset.cell_m / 2:.2g}" if scene.objects else f"--grid {2 * asset.grid}"
+        parted = f", and 'parts: {{NAME: {{separate: true}}}}' the {gaps.welded_parts:.0%} that lie at another part"
         progress.warn(
-            f"{facts.welded_share:.0%} of the thin surfaces lie closer than two grid cells to another one and move as "
-            f"if glued to it; a finer grid ({finer}) frees them."
+            f"{gaps.welded:.0%} of the thin surfaces lie closer than two grid cells to another one and move as if "
+            f"glued to it; a finer grid ({finer}) frees them{parted if gaps.welded_parts > 0 else ''}."
         )
     facts.part_mass_g = _part_masses_g(parts, continuum, assembly)
 
@@ -109,7 +113,7 @@ def _animator(
     scene: Scene, asset: Asset, parts: Parts, continuum: Continuum, held: Held, loose: NDArray[np.bool_]
 ) -> Animator:
     held_parts = [parts.names.index(name) for name in held.parts]
-    skinning = skin_by_object(scene, asset, parts, continuum, held_parts=held_parts)
+    skinning = skin_by_body(scene, asset, parts, continuum, held_parts=held_parts)
     return Animator(asset.gaussians, skinning, continuum.positions, loose=loose)
 
 

@@ -19,10 +19,10 @@ from phys4dgen.progress import Progress
 from phys4dgen.scene import Ground as GroundOptions
 from phys4dgen.scene import Scene, options_by_part
 from phys4dgen.stages.apart import (
-    bonded_by_object,
-    held_by_object,
-    object_numbers,
-    rigid_by_object,
+    body_numbers,
+    bonded_by_body,
+    held_by_body,
+    rigid_by_body,
     starting_velocities,
 )
 from phys4dgen.stages.asset import Asset
@@ -50,13 +50,19 @@ class Given:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """The body for one preset, before its loads are known."""
+    """The body for one preset, before its loads are known; ``several`` where it is more bodies than one."""
 
     around: Circumstances
     held: Held
     rigid: tuple[RigidPart, ...]
     assembly: Assembly
     settings: Settings
+
+    @property
+    def several(self) -> bool:
+        """Whether there are bodies that do not hang together."""
+        body_id = self.assembly.body.body_id
+        return body_id is not None and bool(body_id.any())
 
 
 def prepare(given: Given, preset: str) -> Prepared:
@@ -66,7 +72,7 @@ def prepare(given: Given, preset: str) -> Prepared:
     around = circumstances(scene, asset, parts, given.book, preset)
     named = {name: "free" for name in told_parts(scene.forces, parts)}
     named |= {name: hold for name, hold in options.items() if hold != "auto"}
-    held = held_by_object(
+    held = held_by_body(
         scene,
         asset,
         parts,
@@ -78,7 +84,7 @@ def prepare(given: Given, preset: str) -> Prepared:
     held = _with_pinned(held, parts, continuum, pinned(around.boundaries, continuum, parts))
     reasons = {parts.names.index(name): "as asked for" for name, hold in options.items() if hold == "rigid"}
     while True:
-        body_of, stuck = rigid_by_object(scene, asset, parts, continuum, rigid_parts=list(reasons), held=held.particles)
+        body_of, stuck = rigid_by_body(scene, asset, parts, continuum, rigid_parts=list(reasons), held=held.particles)
         clamped = _with_stuck(held, continuum, parts, stuck)
         assembly = _assembled(given, clamped, body_of)
         settings = _settings(given, around, clamped, assembly.body)
@@ -144,8 +150,8 @@ def _assembled(given: Given, held: Held, body_of: NDArray[np.int32]) -> Assembly
     body = replace(
         assembly.body,
         rigid_group=body_of,
-        body_id=object_numbers(scene, given.parts, continuum),
-        bonded_to_held=bonded_by_object(scene, asset, given.parts, continuum, held=held.particles),
+        body_id=body_numbers(scene, given.parts, continuum),
+        bonded_to_held=bonded_by_body(scene, asset, given.parts, continuum, held=held.particles),
         velocities_ms=starting_velocities(scene, asset, given.parts, continuum, mass_kg=assembly.mass_kg)
         * ~held.particles[:, None],
     )

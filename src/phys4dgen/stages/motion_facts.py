@@ -55,7 +55,8 @@ class MotionFacts:
         frequency_hz: of the swing that the probe saw.
         damping_per_s: mass-proportional damping.
         cell_m, cfl, substeps, dt_s: of the solver; substeps and dt per frame.
-        welded_share: share of thin surfaces that the grid cannot tell from their neighbours.
+        close_share: share of thin surfaces that lie closer than two grid cells to another one.
+        welded_share: the same, where both are in one velocity field: the grid cannot tell them from their neighbours.
         thickening: parts that were simulated thicker than they are.
         capped: parts whose thick regions were simulated softer than they are.
         part_mass_g: true mass of each part.
@@ -80,6 +81,7 @@ class MotionFacts:
     damping_per_s: float = 0.0
     cell_m: float = 0.0
     cfl: float = 0.0
+    close_share: float = 0.0
     welded_share: float = 0.0
     thickening: list[PartThickening] = field(default_factory=list)
     capped: list[CappedPart] = field(default_factory=list)

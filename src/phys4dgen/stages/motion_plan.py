@@ -157,7 +157,7 @@ def _finish(given: Given, prepared: Prepared, probe: ProbeResult | None, *, why:
         facts.frequency_hz = probe.frequency_hz
         facts.damping_per_s = damping_per_s(scene.simulation.damping_ratio, probe.frequency_hz)
         _warn_of_sag(facts, probe, asset, progress)
-    elif not scene.objects and (preset != "rest" or acts_by_itself(scene)):  # several move by and against each other
+    elif not prepared.several and (preset != "rest" or acts_by_itself(scene)):  # several move against each other
         facts.damping_per_s = damped_drop_per_s(scene.simulation.damping_ratio)
     if preset == "sway" and probe is not None:
         wind, asked = _wind_up(scene, asset), scene.motion.acceleration_ms2

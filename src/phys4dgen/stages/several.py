@@ -7,17 +7,15 @@ and t such that the middle of the underside of its robust box comes to lie at ``
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from phys4dgen.interior import Interior
-from phys4dgen.interior.bridge import BridgeReport
+from phys4dgen.interior import Interior, joined_interiors
 from phys4dgen.materials import read_materials
 from phys4dgen.progress import Progress
 from phys4dgen.render.sh_rotation import rotate_sh
@@ -189,48 +187,28 @@ def join_interiors(scene: Scene, objects: Sequence[ReadyObject], asset: Asset, p
     Raises:
         SceneError: two objects overlap.
     """
-    interiors = [own.interior for own in objects if own.interior is not None]
-    columns: dict[str, list[NDArray[Any]]] = {}
+    placed: dict[str, Interior] = {}
     part_count = gaussian_count = 0
-    for own, interior in zip(objects, interiors, strict=True):
-        assert own.parts is not None
-        placed = _placed(interior.continuum, pose_of(scene.objects[own.name], own.asset))
-        itself = placed.gaussian_index
-        placed = replace(
-            placed,
-            part=placed.part + np.int32(part_count),
+    for own in objects:
+        assert own.parts is not None and own.interior is not None
+        continuum = _placed(own.interior.continuum, pose_of(scene.objects[own.name], own.asset))
+        itself = continuum.gaussian_index
+        continuum = replace(
+            continuum,
+            part=continuum.part + np.int32(part_count),
             gaussian_index=np.where(itself < 0, -1, itself + gaussian_count).astype(np.int32),
         )
         part_count, gaussian_count = part_count + own.parts.count, gaussian_count + len(own.asset.gaussians)
-        for entry in fields(Continuum):
-            if entry.name != "spacing_m":
-                columns.setdefault(entry.name, []).append(getattr(placed, entry.name))
+        placed[own.name] = replace(own.interior, continuum=continuum)
+    joined = joined_interiors(list(placed.values()))
     refuse_overlap(
-        {own.name: points for own, points in zip(objects, columns["positions"], strict=True)},
+        {name: interior.continuum.positions for name, interior in placed.items()},
         scene.objects,
-        spacing_m=max(interior.continuum.spacing_m for interior in interiors),
+        spacing_m=joined.continuum.spacing_m,
         cell_m=asset.cell_m,
         progress=progress,
     )
-    bridges = [interior.bridges for interior in interiors]
-    solid = [interior.solid_voxels for interior in interiors]
-    return Interior(
-        Continuum(
-            **{name: np.concatenate(arrays) for name, arrays in columns.items()},
-            spacing_m=max(interior.continuum.spacing_m for interior in interiors),
-        ),
-        BridgeReport(
-            pieces_before=sum(report.pieces_before for report in bridges),
-            pieces_after=sum(report.pieces_after for report in bridges),
-            share_in_largest=min(report.share_in_largest for report in bridges),
-            bridge_voxels=sum(report.bridge_voxels for report in bridges),
-        ),
-        solid_voxels=sum(solid),
-        agreement=min((i.agreement for i in interiors if not math.isnan(i.agreement)), default=math.nan),
-        density_threshold=math.nan,
-        loose_particles=sum(interior.loose_particles for interior in interiors),
-        backend="; ".join(dict.fromkeys(interior.backend for interior in interiors)),
-    )
+    return joined
 
 
 def _placed(continuum: Continuum, pose: Pose) -> Continuum:

@@ -23,3 +23,5 @@ class PartOptions(Section):
     """null: as the surface"""
     thickness_m: Annotated[float, Field(gt=0, lt=1)] | None = None
     """of a sheet, a rod or the wall of a vessel; null: measured, else the library's"""
+    separate: bool = False
+    """the part touches what is beside it, slides on it and does not hang together with it (a lid, a fruit in a bowl)"""
