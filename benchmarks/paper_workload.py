@@ -34,14 +34,14 @@ def block() -> Body:
     layer = np.minimum((len(LAYERS) * (points[:, 2] - low[2]) / size[2]).astype(int), len(LAYERS) - 1)
     return Body(
         points,
-        one * size.prod() / PARTICLES,
-        1e3 * one,
-        1e5 * one,
-        0.3 * one,
-        np.array(LAYERS)[layer],
-        0 * one,
-        layer,
-        ("sand", "plasticine", "rubber", "jelly"),
+        volume_m3=one * size.prod() / PARTICLES,
+        density_kgm3=1e3 * one,
+        youngs_modulus_pa=1e5 * one,
+        poisson_ratio=0.3 * one,
+        law=np.array(LAYERS, np.int32)[layer],
+        part=layer.astype(np.int32),
+        held=np.zeros(PARTICLES, np.bool_),
+        part_names=("sand", "plasticine", "rubber", "jelly"),
         law_numbers={"yield_stress_pa": 2e3 * one, "friction_angle_deg": 30 * one},
     )
 
