@@ -46,6 +46,7 @@ def test_plain_scalars_follow_the_core_schema(text, value):
     ("text", "line", "reason"),
     [
         ("a: 1\nb: 2\na: 3", "line 3", "written twice"),
+        ("a: 1\n? " + "k" * 5000 + "\n: 3", "line 2", "at most 120 characters, got one of 5000: 'kkk"),
         ("a: !!python/object:os.system x", "line 1", "tags"),
         ("a: [1,", "line 1", "expected"),
         ("a: 1\n---\nb: 2", "line 2", "second"),

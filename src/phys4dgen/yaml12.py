@@ -36,6 +36,8 @@ MAX_VALUES = 10_000
 """Most values that a document may hold once its aliases are followed."""
 MAX_DEPTH = 32
 """Deepest nesting."""
+_LONGEST_KEY = 120
+"""Characters; messages quote keys."""
 
 YamlPath = tuple[Any, ...]
 """Keys and list positions from the document's root to a value."""
@@ -176,6 +178,9 @@ class _Reader:
             key = self._node(event, depth=depth + 1).value
             if not isinstance(key, Hashable):
                 raise self._error(event, "expected a word or a number as the key, got a list or a mapping")
+            if isinstance(key, str) and len(key) > _LONGEST_KEY:
+                said = f"expected keys of at most {_LONGEST_KEY} characters, got one of {len(key)}"
+                raise self._error(event, f"{said}: '{key[:40]}...'")
             if key in result.value:
                 raise self._error(event, f"the key '{key}' is written twice")
             child = self._node(self._next(), depth=depth + 1)
