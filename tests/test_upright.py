@@ -7,14 +7,14 @@ from scipy.spatial.transform import Rotation
 from phys4dgen.formats import load_gaussians
 from phys4dgen.types import Gaussians
 from phys4dgen.upright import guess_up
-from phys4dgen.upright.contact import candidate_downs
+from phys4dgen.upright.contact import candidate_downs, fitted_to_base
 from phys4dgen.upright.cues import stand_on
 from phys4dgen.upright.occupied import occupied_cells
 from phys4dgen.zoo.captured import as_captured
 from phys4dgen.zoo.catalogue import bundled
 
 
-def gaussians_at(points, *, colors=0.5):
+def gaussians_at(points, *, colors: object = 0.5):
     n = len(points)
     return Gaussians(
         means=points,
@@ -100,7 +100,10 @@ def test_where_the_object_does_not_tell_a_usual_axis_is_taken():
     assert guess.up.tolist() in ([0, -1, 0], [0, 1, 0], [0, 0, 1])
 
 
-@pytest.mark.parametrize(("name", "captured"), [("snowman", False), ("cup", True), ("sandcastle", False)])
+@pytest.mark.parametrize(
+    ("name", "captured"),
+    [("snowman", False), ("cup", True), ("sandcastle", False), ("balloon", False), ("rubber_duck", False)],
+)
 def test_bundled_objects_tilted_by_25_degrees(name, captured):
     thing = bundled(name)
     tilt = Rotation.from_rotvec(np.radians(25) * np.array([0.6, -0.8, 0]))
@@ -110,9 +113,14 @@ def test_bundled_objects_tilted_by_25_degrees(name, captured):
     assert guess.is_sure, guess
 
 
-def test_a_balloon_on_a_string_is_not_trusted_to_stand():
-    thing = bundled("balloon")
-    assert not guess_up(thing.gaussians).is_sure
+def test_what_could_only_stand_on_a_tip_is_not_trusted():
+    """A ball on a thin stick, the stick down."""
+    rng = np.random.default_rng(6)
+    ball = rng.normal(size=(4000, 3))
+    ball = ball / np.linalg.norm(ball, axis=1, keepdims=True) + np.array([0, 0, 2.9])
+    stick = np.c_[rng.normal(0, 0.02, (1500, 2)), rng.uniform(0, 2, 1500)]
+    colors = np.where(np.arange(5500) < 4000, 0.3 + 0.3 * np.r_[ball[:, 2] - 1.9, np.zeros(1500)] / 2, 0.3)
+    assert not guess_up(gaussians_at(np.concatenate([ball, stick]), colors=colors[:, None])).is_sure
 
 
 @pytest.mark.parametrize("name", ["plant.splat", "ponytail_palm.splat"])
@@ -147,3 +155,31 @@ def test_how_a_box_stands():
         stand = stand_on(cells, found)
         assert stand.tip_deg == pytest.approx(tip_deg, abs=3)
         assert stand.support_share == pytest.approx(1, abs=0.1)
+        assert stand.filled_share > 0.8
+        assert stand.offset < 0.03
+        assert abs(stand.lift) < 0.02
+
+
+def test_a_table_stands_on_feet_that_keep_it_off_the_ground():
+    rng = np.random.default_rng(7)
+    legs = np.repeat([[0.9, 0.9], [0.9, -0.9], [-0.9, 0.9], [-0.9, -0.9]], 800, axis=0)
+    legs = np.c_[legs + rng.uniform(-0.05, 0.05, (3200, 2)), rng.uniform(0, 1, 3200)]
+    top = np.c_[rng.uniform(-1, 1, (9000, 2)), rng.uniform(0.97, 1.0, 9000)]
+    cells = occupied_cells(gaussians_at(np.concatenate([top, legs])))
+    assert cells is not None
+    feet, upside_down = (stand_on(cells, np.array([0, 0, z])) for z in (-1.0, 1.0))
+    assert feet.filled_share < 0.2
+    assert feet.lift > 0.02
+    assert feet.support_share > 0.8
+    assert upside_down.filled_share > 0.8
+    assert upside_down.lift < 0.01
+
+
+def test_a_narrow_base_does_not_turn_the_direction():
+    """A post of 0.1 x 0.1 x 2 with its lower end cut off slantwise."""
+    rng = np.random.default_rng(8)
+    points = rng.uniform(-1, 1, (9000, 3)) * [0.05, 0.05, 1]
+    points = points[points[:, 2] > -0.95 + points[:, 0]]
+    cells = occupied_cells(gaussians_at(points))
+    assert cells is not None
+    np.testing.assert_array_equal(fitted_to_base(cells, np.array([0.0, 0, -1])), [0, 0, -1])

@@ -3,7 +3,8 @@
 A plane is brought up to the object from each of 3,000 directions. Its contact is the largest number of points in a band
 of 1.5 % of the object's size within the first 5 %, so that haze below the ground does not lift the object. Local maxima
 of the contact are candidates, each turned to the plane that fits the points in its band; the principal axes of the
-object join them, for rounded objects touch the ground at hardly any point.
+object join them, for rounded objects touch the ground at hardly any point, and so do the opposites of the widest
+contacts: the top of a pedestal may be wider than its feet.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ _BINS = round(_DEEPEST / _BIN)
 _BAND_BINS = round(BAND / _BIN)
 _DIRECTIONS = 3000
 _MOST_PEAKS = 16
+_MOST_OPPOSITES = 8
 _FARTHEST_PEAK_DEG = 8.0
 _LARGEST_TURN_DEG = 12.0
 _SAME_DEG = 4.0
@@ -36,6 +38,7 @@ _MOST_FACETS = 400
 _FITTING_BANDS = (0.02, 0.015, 0.015, 0.01, 0.01)
 _BASE = 0.03
 _BASE_ROUNDS = 4
+_LEAST_WIDTH = 4.0
 
 
 class Contact(NamedTuple):
@@ -75,6 +78,8 @@ def candidate_downs(cells: Occupied) -> NDArray[np.float64]:
         for down in (axis, -axis):
             add(_fitted(skin, down, cells.size))
             add(down)
+    for stand in found[:_MOST_OPPOSITES]:
+        add(-stand)
     return np.array(found)
 
 
@@ -87,16 +92,18 @@ def contact_below(cells: Occupied, down: NDArray[np.float64]) -> Contact:
 def fitted_to_base(cells: Occupied, start: NDArray[np.float64]) -> NDArray[np.float64]:
     """The direction turned, by 12 degrees at most, until it is normal to all that lies within 3 % of the ground.
 
-    The narrow band that finds a stand may cut a thick saucer slantwise; this one holds it whole.
+    The narrow band that finds a stand may cut a thick saucer slantwise; this one holds it whole. A base that is hardly
+    wider than the band is thick has no such normal.
     """
     down = start
     for _ in range(_BASE_ROUNDS):
         along = cells.points @ down
         base = cells.points[np.abs(along - contact_below(cells, down).height) < _BASE * cells.size]
         offsets = base - base.mean(0)
-        normal = np.linalg.eigh(offsets.T @ offsets)[1][:, 0]
-        normal = normal if normal @ down > 0 else -normal
-        if normal @ start < np.cos(np.radians(_LARGEST_TURN_DEG)):
+        spread, axes = np.linalg.eigh(offsets.T @ offsets)
+        normal = axes[:, 0] if axes[:, 0] @ down > 0 else -axes[:, 0]
+        too_narrow = spread[1] < _LEAST_WIDTH**2 * spread[0]
+        if too_narrow or normal @ start < np.cos(np.radians(_LARGEST_TURN_DEG)):
             return down
         down = normal
     return down

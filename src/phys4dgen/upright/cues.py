@@ -1,7 +1,9 @@
 """What speaks for a direction as down: how it stands, its symmetry about the vertical, light from above, foliage.
 
 Stability and symmetry as in H. Fu et al., *Upright orientation of man-made objects*, SIGGRAPH 2008. An axis is mostly
-found by symmetry and by the width of the stand; which of its ends is up, by the light and, of plants, by the leaves.
+found by symmetry and by what touches the ground. Much does, but it is a rim, feet or an underside that no camera saw
+rather than a closed face, it lies under the middle, and nothing reaches below it. Which end of the axis is up is told
+by the light and, of plants, by the leaves.
 """
 
 from __future__ import annotations
@@ -25,10 +27,15 @@ _FARTHEST = 0.1
 _MOST_GAUSSIANS = 12_000
 _BLOCKS = 10
 _AROUND = 0.22
-_FLAT_LIGHT = 0.05
 _LEAST_SPREAD = 0.02
 _GREENER = 1.15
 _FAR_APART = 0.2
+_LOWEST = 0.02
+_LIFTS = (-0.03, 0.12)
+_TIPS_DEG = (-8.0, 12.0)
+_CANNOT_STAND_DEG = -15.0
+_NO_CONTACT = 0.5
+_BLOCK_CELLS = 1.5
 
 
 class Stand(NamedTuple):
@@ -38,6 +45,10 @@ class Stand(NamedTuple):
         tip_deg: by how much it can be tilted before it falls; negative where it cannot stand.
         support_share: of the footprint's hull that the hull of the contact covers.
         contact_share: of all points that touch the ground.
+        filled_share: of the contact's hull in which something touches the ground; about 1 for a closed face.
+        offset: distance across from the middle of the contact to the middle of the object, of the object's size.
+        lift: height above the ground of the lowest fiftieth of all points, of the object's size; large for what keeps
+            off the ground on feet, negative where much reaches below the ground.
         turn_misfit, mirror_misfit: mean distance between the object and itself turned about the vertical, or mirrored
             in the best plane through it, of the object's size.
     """
@@ -45,6 +56,9 @@ class Stand(NamedTuple):
     tip_deg: float
     support_share: float
     contact_share: float
+    filled_share: float
+    offset: float
+    lift: float
     turn_misfit: float
     mirror_misfit: float
 
@@ -65,8 +79,11 @@ class Look(NamedTuple):
 class Cues(NamedTuple):
     """Numbers that are added up with weights; the larger, the more a direction is down."""
 
-    support: float
+    stability: float
     contact: float
+    open_base: float
+    centred: float
+    lift: float
     turning: float
     mirror: float
     light: float
@@ -76,11 +93,14 @@ class Cues(NamedTuple):
 def cues_of(stand: Stand, look: Look, down: NDArray[np.float64]) -> Cues:
     """The cues of one direction."""
     return Cues(
-        support=float(np.log(stand.support_share + 0.05)),
+        stability=float(np.clip(stand.tip_deg, *_TIPS_DEG)),
         contact=float(np.log(stand.contact_share + 0.01)),
+        open_base=-min(stand.filled_share, 1.0),
+        centred=-stand.offset,
+        lift=float(np.clip(stand.lift, *_LIFTS)),
         turning=-float(np.log(stand.turn_misfit + 0.01)),
         mirror=-float(np.log(stand.mirror_misfit + 0.01)),
-        light=-float(look.light @ down) / (float(np.linalg.norm(look.light)) + _FLAT_LIGHT),
+        light=-float(look.light @ down),
         leaves=-float(np.tanh(look.leaves @ down / _FAR_APART)),
     )
 
@@ -93,7 +113,7 @@ def stand_on(cells: Occupied, down: NDArray[np.float64]) -> Stand:
     flat, along = points @ across.T, points @ down
     touching = (along > contact.height - BAND * size) & (along < contact.height + 0.2 * BAND * size)
     centre = cells.mass @ points / cells.mass.sum()
-    tip_deg, area = -15.0, 0.0
+    tip_deg, area = _CANNOT_STAND_DEG, 0.0
     footprint = ConvexHull(flat)
     try:
         hull = ConvexHull(flat[touching])
@@ -104,13 +124,23 @@ def stand_on(cells: Occupied, down: NDArray[np.float64]) -> Stand:
         height = max(contact.height - float(down @ centre), 1e-3 * size)
         tip_deg, area = float(np.degrees(np.arctan2(inside, height))), float(hull.volume)
     turn, mirror = _misfits(cells, down, across)
+    apart = flat[touching].mean(0) - flat.mean(0) if touching.any() else np.array([_NO_CONTACT * size, 0.0])
     return Stand(
         tip_deg=tip_deg,
         support_share=area / float(footprint.volume),
         contact_share=contact.points / len(points),
+        filled_share=_filled_share(flat[touching], area, _BLOCK_CELLS * cells.cell),
+        offset=float(np.linalg.norm(apart)) / size,
+        lift=float(np.quantile(contact.height - along, _LOWEST)) / size,
         turn_misfit=turn,
         mirror_misfit=mirror,
     )
+
+
+def _filled_share(flat: NDArray[np.float64], area: float, side: float) -> float:
+    """Area of the squares in which there are points, of the area of their hull."""
+    squares = np.unique(np.floor(flat / side).astype(np.int64), axis=0)
+    return len(squares) * side**2 / max(area, side**2)
 
 
 def _misfits(cells: Occupied, down: NDArray[np.float64], across: NDArray[np.float64]) -> tuple[float, float]:

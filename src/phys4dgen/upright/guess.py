@@ -21,15 +21,26 @@ from phys4dgen.upright.occupied import occupied_cells
 
 __all__ = ["UpGuess", "guess_up"]
 
-_WEIGHTS = np.array(Cues(support=2.2, contact=1.9, turning=6.5, mirror=3.4, light=4.3, leaves=20.0))
+_WEIGHTS = np.array(
+    Cues(
+        stability=0.13,
+        contact=3.3,
+        open_base=4.7,
+        centred=9.5,
+        lift=69.0,
+        turning=7.3,
+        mirror=4.6,
+        light=20.0,
+        leaves=12.0,
+    )
+)
 
 _SURE = 0.85
 """Confidence from which on the guess may be used without a warning."""
 
-_LEAST_TIP_DEG = 4.0
-_LEAST_SUPPORT = 0.16
-_LEAST_CONTACT = 0.02
-"""What stands on less than these (a balloon on a string, a cone on its tip) is not trusted to stand like that."""
+_LEAST_TIP_DEG = 0.0
+_LEAST_SUPPORT = 0.06
+"""What stands on less than these (a cone on its tip) is not trusted to stand like that."""
 
 _SAME_DEG = 10.0
 _SNAP_DEG = 5.0
@@ -78,9 +89,7 @@ def guess_up(gaussians: Gaussians) -> UpGuess:
     scores = np.array([cues_of(stand, look, down) for stand, down in zip(stands, downs, strict=True)]) @ _WEIGHTS
     best = _chosen(downs, stands, scores)
     stand = best.stand
-    could_stand = (
-        stand.tip_deg > _LEAST_TIP_DEG and stand.support_share > _LEAST_SUPPORT and stand.contact_share > _LEAST_CONTACT
-    )
+    could_stand = stand.tip_deg > _LEAST_TIP_DEG and stand.support_share > _LEAST_SUPPORT
     is_sure = could_stand and best.probability >= _SURE
     doubt = ""
     if not is_sure:
