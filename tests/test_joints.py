@@ -1,8 +1,10 @@
 """What has grown together with held particles, what only touches them, and which rigid parts are one body."""
 
 import numpy as np
+import pytest
 
-from phys4dgen.joints import bonded_to_held, rigid_bodies
+from phys4dgen.joints import bonded_to_held, joining_masses, rigid_bodies
+from phys4dgen.mpm import Body, Settings, Simulator, TotalForce
 
 CELL_M = 4e-3
 STEP_M = CELL_M / 2
@@ -94,3 +96,63 @@ def test_a_rigid_part_that_touches_what_is_held_is_held():
     body, stuck = rigid_bodies(points, box, rigid_parts=[1, 2], held=box == 0, cell_m=CELL_M)
     np.testing.assert_array_equal(stuck, box == 1)
     np.testing.assert_array_equal(body, np.where(box == 2, 0, -1))
+
+
+def _hanging(joined):
+    """A soft rod above a clamp, and a light cup on it that pulls with a tenth of the rod's stiffness EA."""
+    side = np.array([-1.0, 0.0, 1.0]) * CELL_M * 0.3
+    rod = np.array([(x, y, z) for z in np.arange(-4, 20) * STEP_M for x in side for y in side])
+    top = rod[:, 2].max() + STEP_M
+    rim = _box((-5 * CELL_M, -5 * CELL_M, top + 4 * STEP_M), (5 * CELL_M, 5 * CELL_M, top + 6 * STEP_M))
+    neck = np.array([(0.2 * x, 0.2 * y, top + k * STEP_M) for k in range(4) for x in side for y in side])
+    points = np.concatenate([rod, neck, rim])
+    kind = np.repeat([0, 1, 2], [len(rod), len(neck), len(rim)])
+    area_m2 = CELL_M**2
+    mass_kg = np.choose(kind, [50 * area_m2 * STEP_M / 9, 50 * area_m2 * STEP_M / 900, 0.02 / len(rim)])
+    rigid = np.where(kind > 0, 0, -1).astype(np.int32)
+    held = points[:, 2] < 0
+    if joined:
+        mass_kg = joining_masses(points, mass_kg, rigid_body=rigid, held=held, cell_m=CELL_M)
+    volume_m3 = np.full(len(points), area_m2 * STEP_M / 9)
+    one = np.ones(len(points))
+    body = Body(
+        points,
+        volume_m3=volume_m3,
+        density_kgm3=mass_kg / volume_m3,
+        youngs_modulus_pa=2e4 * one,
+        poisson_ratio=0 * one,
+        law=np.zeros(len(points), np.int32),
+        part=(kind > 0).astype(np.int32),
+        held=held,
+        part_names=("rod", "cup"),
+        rigid_group=rigid,
+    )
+    pull = TotalForce(value_n=(0, 0, 0.1 * 2e4 * area_m2), part=1, ramp_s=0.1)
+    simulator = Simulator(body, Settings(CELL_M, 0.1, loads=(pull,), damping_per_s=60.0))
+    frames = [simulator.advance() for _ in range(5)]
+    lifted = frames[-1].positions_m - points
+    return lifted[kind == 0][-9:, 2].mean(), lifted[kind == 2, 2].mean(), 20 * STEP_M
+
+
+def test_a_light_rigid_neck_holds_what_hangs_on_it():
+    tip_m, cup_m, length_m = _hanging(joined=True)
+    assert tip_m == pytest.approx(0.1 * length_m, rel=0.15)
+    assert cup_m == pytest.approx(tip_m, abs=0.4 * CELL_M)
+    tip_m, cup_m, _ = _hanging(joined=False)
+    assert cup_m > 2 * CELL_M + tip_m  # why the masses are moved: it has torn off
+
+
+def test_masses_move_within_a_rigid_body_and_no_farther_than_half_of_it():
+    points, box = _scene(POT, STEM, LEAF)
+    rigid = np.where(box == 1, 0, np.where(box == 2, 1, -1)).astype(np.int32)
+    mass = np.choose(box, [8.0, 1.0, 1.0])
+    held = np.zeros(len(points), bool)
+    joined = joining_masses(points, mass, rigid_body=rigid, held=held, cell_m=CELL_M)
+    for number in (0, 1):
+        np.testing.assert_allclose(joined[rigid == number].sum(), mass[rigid == number].sum())
+    np.testing.assert_array_equal(joined[rigid < 0], 8)
+    np.testing.assert_array_equal(joined[rigid == 1], 1)  # the leaf touches nothing soft
+    foot = points[rigid == 0, 2] < 0.05 + CELL_M
+    assert joined[rigid == 0][foot].min() > 2
+    assert joined[rigid == 0][~foot].min() >= 0.5
+    np.testing.assert_array_equal(joining_masses(points, mass, rigid_body=rigid, held=box == 0, cell_m=CELL_M), mass)

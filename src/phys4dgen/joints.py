@@ -1,4 +1,4 @@
-"""What is joined to what: free particles that have grown together with held ones, and parts that are one rigid body.
+"""What is joined to what: free particles with held ones, parts that are one rigid body, soft matter with rigid.
 
 A capture does not say whether a leaf that lies at a pot grows out of it. What grows out of something leaves its
 surface, and what hangs beside it runs along it: a place of contact is a root if the material there goes on along the
@@ -16,7 +16,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-__all__ = ["bonded_to_held", "rigid_bodies"]
+__all__ = ["bonded_to_held", "joining_masses", "rigid_bodies"]
 
 _REACH_CELLS = 2.5
 """Particles farther apart share no node of the grid."""
@@ -26,6 +26,10 @@ _LINK_CELLS = 0.9
 
 _SCATTER_CELLS = 3.0
 """Pieces of a rigid part that a capture has torn lie closer than this; lumps farther apart (coals) are bodies apart."""
+
+_SHARED_CELLS = 1.5
+_MOST_MOVED = 0.5
+"""Of a rigid body's mass: more is not moved to its joints."""
 
 _TOUCH_CELLS = 1.0
 _ONWARD_CELLS = 5.0
@@ -163,3 +167,44 @@ def _connected(points: NDArray[np.float64], reach: float, label: NDArray[Any]) -
     pairs = pairs[label[pairs[:, 0]] == label[pairs[:, 1]]]
     graph = sparse.coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     return connected_components(graph, directed=False)[1]
+
+
+def joining_masses(
+    positions_m: NDArray[np.float64],
+    mass_kg: NDArray[np.float64],
+    *,
+    rigid_body: NDArray[np.int32],
+    held: NDArray[np.bool_],
+    cell_m: float,
+) -> NDArray[np.float64]:
+    """Masses with which rigid particles hold what is soft beside them, [P]; each rigid body keeps its own.
+
+    On the grid a particle speaks with its mass. A rigid particle that is lighter than its soft neighbours (the skin of
+    a balloon at its string) is outvoted at their nodes and lets go, though its body is heavy: a rod on particles of a
+    third of its own particles' mass tore off at once, on equally heavy ones it carried the load. So those at a joint
+    become as heavy as the heaviest soft neighbour, and the others of their body lighter.
+
+    Args:
+        positions_m: at rest, [P, 3].
+        mass_kg: as simulated, [P].
+        rigid_body: number of the rigid body of each particle, -1 if it has none, [P].
+        held: particles that do not move, [P].
+        cell_m: grid cell dx, m.
+    """
+    soft, rigid = np.flatnonzero((rigid_body < 0) & ~held), np.flatnonzero(rigid_body >= 0)
+    joined = mass_kg.copy()
+    if len(soft) == 0 or len(rigid) == 0:
+        return joined
+    around = KDTree(positions_m[rigid]).query_ball_tree(KDTree(positions_m[soft]), _SHARED_CELLS * cell_m)
+    wanted = np.array([mass_kg[soft[near]].max() if near else 0.0 for near in around])
+    for number in np.unique(rigid_body[rigid]):
+        own = rigid_body[rigid] == number
+        members, before = rigid[own], mass_kg[rigid[own]]
+        missing = np.maximum(wanted[own] - before, 0)
+        givers = missing == 0
+        most = _MOST_MOVED * before[givers].sum()
+        if missing.sum() == 0 or most == 0:
+            continue
+        missing *= min(1.0, most / missing.sum())
+        joined[members] = np.where(givers, before * (1 - missing.sum() / before[givers].sum()), before + missing)
+    return joined

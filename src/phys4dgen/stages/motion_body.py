@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from phys4dgen.body import Assembly, assemble_body
 from phys4dgen.errors import SimulationError
+from phys4dgen.joints import joining_masses
 from phys4dgen.motion import (
     Held,
 )
@@ -147,8 +148,16 @@ def _assembled(given: Given, held: Held, body_of: NDArray[np.int32]) -> Assembly
         rigid_wave_speed_ms=speed_per_substep * scene.simulation.substep_limit,
         fps=scene.fps,
     )
+    masses_kg = joining_masses(
+        assembly.body.positions_m,
+        assembly.body.mass_kg,
+        rigid_body=body_of,
+        held=held.particles,
+        cell_m=asset.cell_m,
+    )
     body = replace(
         assembly.body,
+        density_kgm3=masses_kg / assembly.body.volume_m3,
         rigid_group=body_of,
         body_id=body_numbers(scene, given.parts, continuum),
         bonded_to_held=bonded_by_body(scene, asset, given.parts, continuum, held=held.particles),
