@@ -70,43 +70,47 @@ def column() -> Outcome:
     )
 
 
-def _cantilever(cells: int, *, slender: int, E: float, rho: float) -> tuple[Body, NDArray[np.bool_], float, float]:
+def _cantilever(
+    cells: int, layers: int, *, slender: int, E: float, rho: float
+) -> tuple[Body, NDArray[np.bool_], float, float]:
     """A beam (nu = 0) of square section clamped at x = 0: (body, who is at its tip, height, length)."""
     dx = 0.01
-    h, size, length = dx / 2, cells * dx, slender * cells * dx
-    half = -size / 2
-    beam = lattice((2 * slender * cells, 2 * cells, 2 * cells), h, (0, half, half))
-    root = lattice((6, 2 * cells, 2 * cells), h, (-6 * h, half, half))
+    h, size, length = dx / layers, cells * dx, slender * cells * dx
+    half, across = -size / 2, layers * cells
+    beam = lattice((slender * across, across, across), h, (0, half, half))
+    root = lattice((3 * layers, across, across), h, (-3 * dx, half, half))
     x, held = clamped(beam, root, dx, axis=0)
     b = body(x, h**3, E=E, rho=rho, nu=0.0, held=held)
     return b, x[:, 0] > length - dx, size, length
 
 
-def _second_moment_share(cells: int) -> float:
-    """Second moment of a section's particles, in the middle of 2 layers per cell, over that of the solid section."""
-    return 1 - 1 / (2 * cells) ** 2
+def _second_moment_share(layers: int) -> float:
+    """Second moment of particles in the middle of so many slices of a section, over that of the solid section."""
+    return 1 - 1 / layers**2
 
 
 @benchmark(
     "B6",
     "Cantilever sags under its weight",
-    source="Timoshenko beam: w L^4 / 8EI + w L^2 / 2 kappa G A, kappa = 5/6; I of k layers: 1 - 1 / k^2 of h^4 / 12",
+    source="Timoshenko beam: w L^4 / 8EI + w L^2 / 2 kappa G A, kappa = 5/6",
     variants={
         "2 cells high": {"cells": 2, "tolerance": 0.08},
         "4 cells high": {"cells": 4, "tolerance": 0.04},
         "6 cells high": {"cells": 6, "tolerance": 0.03},
+        "2 cells high, two particles a cell": {"cells": 2, "layers": 2, "tolerance": 0.08},
     },
 )
-def cantilever_sag(*, cells: int, tolerance: float) -> Outcome:
+def cantilever_sag(*, cells: int, layers: int = 3, tolerance: float) -> Outcome:
     """A beam of square section (E 1e6 Pa, nu = 0, L/h = 8) sags by 2 % of its length, damped until it rests.
 
-    What bends are k = 2 h / dx layers of particles in the middle of as many slices, which have 1 - 1/k^2 of the second
-    moment of the solid section: that is the beam of the theory. Compared with the solid section is reported.
+    Three particles a cell along each axis stand for the solid section. Two, as objects are seeded, are k = 2 h / dx
+    layers in the middle of as many slices, which have 1 - 1/k^2 of its second moment: 6 % less at two cells. That row
+    is judged by the section of its layers; against the solid one it is reported.
     """
     E, rho, slender = 1e6, 1000.0, 8
-    b, tip, size, length = _cantilever(cells, slender=slender, E=E, rho=rho)
+    b, tip, size, length = _cantilever(cells, layers, slender=slender, E=E, rho=rho)
     gravity = 0.02 * 8 * E * size**2 / (12 * rho * length**3)
-    share = _second_moment_share(cells)
+    share = 1.0 if layers > 2 else _second_moment_share(layers * cells)
     bending = rho * gravity * 12 * length**4 / (8 * E * size**2)
     shear = rho * gravity * length**2 / (2 * 5 / 6 * E / 2)
     f1 = _CANTILEVER_ROOT**2 / (2 * np.pi * length**2) * size / np.sqrt(12) * np.sqrt(E / rho)
@@ -126,11 +130,12 @@ def cantilever_sag(*, cells: int, tolerance: float) -> Outcome:
     # the mean of the tip's particles lies a little inside: the slope there is w L^3 / 6EI
     slope = rho * gravity * 12 * length**3 / (6 * E * size**2)
     bent = bending - slope * (1 - at_tip) * length
+    of_solid = Check("sag of the tip / that of the solid section", sags[-1] / (bent + shear), expected=1.0)
     return Outcome(
         (
             Check.share("sag of the tip, m", sags[-1], expected=bent / share + shear, tolerance=tolerance),
-            Check("sag of the tip / that of the solid section", sags[-1] / (bent + shear), expected=1.0),
             Check.between("change over the last half period, share", abs(sags[-1] / sags[-2] - 1), high=5e-3),
+            *((of_solid,) if layers == 2 else ()),
         )
     )
 
@@ -138,13 +143,13 @@ def cantilever_sag(*, cells: int, tolerance: float) -> Outcome:
 @benchmark(
     "B7",
     "Cantilever swings",
-    source="Euler-Bernoulli: f = 1.8751^2 / (2 pi L^2) sqrt(E I / rho A), I as in B6",
+    source="Euler-Bernoulli: f = 1.8751^2 / (2 pi L^2) sqrt(E I / rho A)",
     variants={"2 cells high": {"cells": 2, "tolerance": 0.08}, "4 cells high": {"cells": 4, "tolerance": 0.05}},
 )
 def cantilever_swing(*, cells: int, tolerance: float) -> Outcome:
-    """The beam of B6 starts with the velocity of its first mode, without weight."""
+    """The beam of B6, three particles a cell, starts with the velocity of its first mode, without weight."""
     E, rho, slender = 1e6, 1000.0, 8
-    b, _, size, length = _cantilever(cells, slender=slender, E=E, rho=rho)
+    b, _, size, length = _cantilever(cells, 3, slender=slender, E=E, rho=rho)
     f1 = _CANTILEVER_ROOT**2 / (2 * np.pi * length**2) * size / np.sqrt(12) * np.sqrt(E / rho)
     k = _CANTILEVER_ROOT * np.clip(b.positions_m[:, 0] / length, 0, 1)
     sigma = (np.cosh(_CANTILEVER_ROOT) + np.cos(_CANTILEVER_ROOT)) / (
@@ -161,21 +166,18 @@ def cantilever_swing(*, cells: int, tolerance: float) -> Outcome:
     swing = (
         np.array([weight @ (simulator.advance().positions_m - b.positions_m)[:, 2] for _ in range(48)]) / weight.sum()
     )
-    f, share = frequency_hz(swing, frame_time), _second_moment_share(cells)
+    f = frequency_hz(swing, frame_time)
     times = np.arange(1, len(swing) + 1) * frame_time
     top = np.abs(swing).max()
     return Outcome(
-        (
-            Check.share("frequency, Hz", f, expected=f1 * share**0.5, tolerance=tolerance),
-            Check("frequency / that of the solid section", f / f1, expected=1.0),
-        ),
+        (Check.share("frequency, Hz", f, expected=f1, tolerance=tolerance),),
         (
             Chart(
                 f"Cantilever, {cells} cells high",
                 "time, s",
                 "deflection / largest",
                 (
-                    Curve("theory", times, np.sin(2 * np.pi * f1 * share**0.5 * times), "theory"),
+                    Curve("theory", times, np.sin(2 * np.pi * f1 * times), "theory"),
                     Curve("engine", times, swing / top),
                 ),
             ),
