@@ -75,6 +75,7 @@ def test_too_many_parts_are_refused(tmp_path: Path):
     [
         ("l.npy", b"", "labels is not a NumPy array"),
         ("l.npy", b"hello world, no array", "labels is not a NumPy array"),
+        ("l.npy", b"\x93NUMPY\x03\x00" + bytes(200), "it is of version 3.0, expected 1.0"),
         ("l.npz", b"", "damaged"),
         ("l.npz", b"PK\x03\x04 broken", "damaged"),
         ("l.txt", b"0 1 1", "from .npy or .npz files, got '.txt'"),
@@ -85,6 +86,14 @@ def test_damaged_files_are_refused(tmp_path: Path, name: str, content: bytes, me
     with pytest.raises(FormatError) as error:
         parts_from_file(tmp_path / name, 3)
     assert message in str(error.value)
+
+
+def test_types_that_numpy_has_given_up_are_refused_without_a_warning(tmp_path: Path):
+    np.save(tmp_path / "l.npy", np.zeros(3, np.int64))
+    content = (tmp_path / "l.npy").read_bytes()
+    (tmp_path / "l.npy").write_bytes(content.replace(b"<i8", b"<a8"))
+    with pytest.raises(FormatError, match="labels is not a NumPy array"):
+        parts_from_file(tmp_path / "l.npy", 3)
 
 
 def test_a_missing_file_is_one_sentence(tmp_path: Path):

@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import shutil
 import tempfile
-import tokenize
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from phys4dgen.errors import FormatError
 from phys4dgen.formats import atomic_path
+from phys4dgen.formats.npy_header import read_npy_header
 from phys4dgen.types import Trajectory
 
 __all__ = ["read_trajectory", "trajectory_writer", "write_trajectory"]
@@ -106,8 +106,6 @@ def read_trajectory(path: Path | str) -> Trajectory:
         raise FormatError(f"{path}: there is no such file; run the simulate stage first.") from error
     except (zipfile.BadZipFile, ValueError, EOFError, RuntimeError, NotImplementedError, OSError) as error:
         raise FormatError(f"{path}: not a readable trajectory ({error}); run the simulate stage again.") from error
-    except (SyntaxError, tokenize.TokenError, MemoryError) as error:  # NumPy over a damaged header
-        raise FormatError(f"{path}: not a readable trajectory; run the simulate stage again.") from error
 
 
 def read_member(archive: zipfile.ZipFile, name: str, path: Path) -> NDArray[Any]:
@@ -119,12 +117,7 @@ def read_member(archive: zipfile.ZipFile, name: str, path: Path) -> NDArray[Any]
     if info.compress_type != zipfile.ZIP_STORED or info.file_size > path.stat().st_size:
         raise FormatError(f"{path}: expected '{name}' uncompressed; save the file with numpy.savez.")
     with archive.open(info) as stream:
-        version = np.lib.format.read_magic(stream)
-        if version != (1, 0):
-            raise FormatError(
-                f"{path}: expected '{name}' as .npy version 1.0, got {version}; save it with numpy.savez."
-            )
-        shape, fortran_order, found = np.lib.format.read_array_header_1_0(stream)
+        shape, fortran_order, found = read_npy_header(stream)
         if found != np.dtype(dtype).newbyteorder("<") or fortran_order or len(shape) != rank:
             raise FormatError(
                 f"{path}: expected '{name}' as {np.dtype(dtype)} of {rank} dimensions in C order, got {found} {shape}."

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import struct
-import tokenize
-import warnings
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -12,15 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from phys4dgen.errors import FormatError
+from phys4dgen.formats.npy_header import NpyHeaderError, read_npy_header
 
-__all__ = ["HEADER_ERRORS", "read_npy", "read_npz"]
-
-HEADER_ERRORS = (ValueError, SyntaxError, tokenize.TokenError, RecursionError, MemoryError)
-"""What NumPy raises over a header that is not what it should be."""
+__all__ = ["read_npy", "read_npz"]
 
 _ARCHIVE_ERRORS = (
     *(zipfile.BadZipFile, zlib.error, struct.error, UnicodeDecodeError),
@@ -78,14 +73,9 @@ def read_npz(path: Path, required: str, max_bytes: Mapping[str, int]) -> dict[st
 def _read_array(path: Path, file: Any, name: str, max_bytes: int) -> NDArray[Any]:
     """One array of at most ``max_bytes``."""
     try:
-        version = npy_format.read_magic(file)
-        if version != (1, 0):  # later ones announce headers of up to 4 GB
-            raise FormatError(f"{path}: expected {name} as .npy version 1.0, got {version}; save it with numpy.save.")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # files of Python 2 are read like others
-            shape, fortran_order, dtype = npy_format.read_array_header_1_0(file)
-    except HEADER_ERRORS as error:
-        raise FormatError(f"{path}: {name} is not a NumPy array; its header is damaged.") from error
+        shape, fortran_order, dtype = read_npy_header(file)
+    except NpyHeaderError as error:
+        raise FormatError(f"{path}: {name} is not a NumPy array ({error}); save it with numpy.save.") from error
     if min(shape, default=0) < 0:
         raise FormatError(f"{path}: {name} has a negative length in its shape {shape}; save it with numpy.save.")
     size = dtype.itemsize
