@@ -1,10 +1,11 @@
 """Run the scenes of examples/ and put stills of their films on one sheet.
 
-python scripts/showcase.py OUT [NAME ...] [--sheet SHEET.jpg] [--inputs FOLDER]
+python scripts/showcase.py OUT [NAME ...] [--sheet SHEET.jpg] [--tiles TILES.jpg] [--inputs FOLDER]
 
 Every scene gets a run folder OUT/NAME; finished ones are kept, so that the sheet can be made again at once. The command
-prints what each run took and ends with 1 when one of them failed. With a folder of inputs the scenes of examples/files/
-are run as well, of those splats and pictures of others that lie in it or one folder deeper.
+prints what each run took and ends with 1 when one of them failed. The sheet has four stills of each, the tiles one, the
+least like the first. With a folder of inputs the scenes of examples/files/ are run as well, of those splats
+and pictures of others that lie in it or one folder deeper.
 """
 
 from __future__ import annotations
@@ -24,6 +25,11 @@ EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 STILLS = 4
 WIDTH_PX = 220
 LABEL_PX = 18
+GAP_PX = 10
+TILE_PX = (190, 150)
+TILES_A_ROW = 5
+DRAWN = 240
+"""Pixels darker than this in a channel show something; the ground and the rim of a shadow are lighter."""
 
 
 def main() -> int:
@@ -32,6 +38,7 @@ def main() -> int:
     parser.add_argument("out", type=Path, help="folder that gets one run folder per scene")
     parser.add_argument("names", nargs="*", metavar="NAME", help="scenes (default: all)")
     parser.add_argument("--sheet", type=Path, help="picture to write (default: OUT/showcase.jpg)")
+    parser.add_argument("--tiles", type=Path, help="picture to write with one still of each scene")
     parser.add_argument("--inputs", type=Path, help="folder in which the inputs of examples/files/ are looked for")
     options = parser.parse_args()
     scenes = {path.stem: path for path in sorted(EXAMPLES.glob("*.yaml"))}
@@ -46,6 +53,11 @@ def main() -> int:
         sheet = options.sheet or options.out / "showcase.jpg"
         _stacked(rows).save(sheet, quality=82, optimize=True)
         print(sheet)
+    if options.tiles is not None:
+        _tiled([_tile(options.out / name, name) for name in names if name not in failed]).save(
+            options.tiles, quality=84, optimize=True
+        )
+        print(options.tiles)
     return 1 if failed else 0
 
 
@@ -75,22 +87,60 @@ def _input(scene: Path, inputs: Path | None) -> Path | None:
     return next((place for place in places if place.is_file()), None)
 
 
-def _row(folder: Path, name: str) -> Image.Image:
-    """The scene's name over stills at even times, cropped to what the film shows."""
+def _frames(folder: Path) -> np.ndarray:
+    """All frames of a run's film, [T, H, W, 3]."""
     reader = imageio_ffmpeg.read_frames(str(folder / "video.mp4"))
     width, height = next(reader)["size"]
-    frames = np.stack([np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader])
-    shown = frames[np.linspace(0, len(frames) - 1, STILLS).round().astype(int)]
-    drawn = (shown < 245).any((0, 3))
+    return np.stack([np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader])
+
+
+def _drawn_box(frames: np.ndarray) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of what frames [T, H, W, 3] show."""
+    drawn = (frames < DRAWN).any((0, 3))
     columns, lines = np.flatnonzero(drawn.any(0)), np.flatnonzero(drawn.any(1))
-    box = (columns[0], lines[0], columns[-1] + 1, lines[-1] + 1)
+    return int(columns[0]), int(lines[0]), int(columns[-1]) + 1, int(lines[-1]) + 1
+
+
+def _row(folder: Path, name: str) -> Image.Image:
+    """The scene's name over stills at even times, cropped to what the film shows."""
+    frames = _frames(folder)
+    shown = frames[np.linspace(0, len(frames) - 1, STILLS).round().astype(int)]
+    box = _drawn_box(shown)
     tall = round(WIDTH_PX * (box[3] - box[1]) / (box[2] - box[0]))
     row = Image.new("RGB", (STILLS * WIDTH_PX, tall + LABEL_PX), "white")
-    ImageDraw.Draw(row).text((4, 2), name.replace("_", " "), "black", ImageFont.load_default(13))
+    _write(row, name)
     for place, frame in enumerate(shown):
         still = Image.fromarray(frame).crop(box).resize((WIDTH_PX, tall), Image.Resampling.LANCZOS)
         row.paste(still, (place * WIDTH_PX, LABEL_PX))
     return row
+
+
+def _tile(folder: Path, name: str) -> Image.Image:
+    """The scene's name over the frame that differs most from the first, at the scale that fills the tile."""
+    frames = _frames(folder)
+    change = [np.abs(frame.astype(np.int16) - frames[0]).mean() for frame in frames]
+    frame = frames[int(np.argmax(change))]
+    still = Image.fromarray(frame).crop(_drawn_box(frame[None]))
+    still.thumbnail(TILE_PX, Image.Resampling.LANCZOS)
+    tile = Image.new("RGB", (TILE_PX[0], TILE_PX[1] + LABEL_PX), "white")
+    _write(tile, name)
+    tile.paste(still, ((TILE_PX[0] - still.width) // 2, LABEL_PX + TILE_PX[1] - still.height))
+    return tile
+
+
+def _write(image: Image.Image, name: str) -> None:
+    ImageDraw.Draw(image).text((4, 2), name.replace("_", " "), "black", ImageFont.load_default(13))
+
+
+def _tiled(tiles: list[Image.Image]) -> Image.Image:
+    """Tiles in rows of ``TILES_A_ROW``."""
+    lines = -(-len(tiles) // TILES_A_ROW)
+    width, height = tiles[0].width + GAP_PX, tiles[0].height + GAP_PX
+    sheet = Image.new("RGB", (TILES_A_ROW * width - GAP_PX, lines * height - GAP_PX), "white")
+    for number, tile in enumerate(tiles):
+        line, place = divmod(number, TILES_A_ROW)
+        sheet.paste(tile, (place * width, line * height))
+    return sheet
 
 
 def _stacked(rows: list[Image.Image]) -> Image.Image:
