@@ -245,6 +245,8 @@ def read_label_png(path: Path, *, max_side_px: int) -> NDArray[np.int32]:
                 return np.asarray(picture).astype(np.int32) - 1
     except FormatError:
         raise
+    except MemoryError as error:  # a chunk that announces gigabytes
+        raise FormatError(f"{path}: cannot read the label map: it promises far more than it holds.") from error
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise FormatError(f"{path}: cannot read the label map: {error}.") from error
 
