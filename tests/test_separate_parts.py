@@ -71,7 +71,7 @@ def scene_of_slabs(folder, gap_m, *, separate):
 
 
 def moved_m(folder, gap_m, *, separate):
-    """How far each slab goes in four frames."""
+    """How far each slab goes up in four frames."""
     scene, labels = scene_of_slabs(folder, gap_m, separate=separate)
     run = generate(scene, folder / f"run_{separate}", until="simulate")
     positions = read_trajectory(run.root / "trajectory.npz").positions
@@ -87,3 +87,23 @@ def test_a_separate_slab_leaves_the_other_one_where_it_is(tmp_path, gap_cells):
     assert abs(lower) < 0.02 * expected_m
     lower, upper = moved_m(tmp_path, gap_cells * CELL_M, separate=False)
     assert lower > 0.7 * upper
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+def test_a_separate_slab_rubs_on_the_one_below(tmp_path, friction):
+    scene, labels = scene_of_slabs(tmp_path, 0.0, separate=True)
+    scene = scene.with_overrides(
+        {
+            "forces": [{"kind": "acceleration", "part": "upper", "value_ms2": [8.0, 0, 0]}],
+            "parts.lower.hold": "fixed",
+            "gravity": "on",
+            "simulation.friction": friction,
+            "simulation.duration_s": 0.2,
+        }
+    )
+    run = generate(scene, tmp_path / "rubbed", until="simulate")
+    positions = read_trajectory(run.root / "trajectory.npz").positions
+    way = (positions[-1] - positions[0])[labels == 1].mean(0)
+    expected_m = 0.5 * (8.0 - friction * 9.81) * 0.18**2
+    assert way[0] == pytest.approx(expected_m, rel=0.12)
+    assert abs(way[2]) < 0.25 * CELL_M

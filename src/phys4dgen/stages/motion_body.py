@@ -173,7 +173,7 @@ def _assembled(given: Given, held: Held, body_of: NDArray[np.int32]) -> Assembly
 def _settings(given: Given, around: Circumstances, held: Held, body: Body) -> Settings:
     """The solver's settings without gust, forces and damping."""
     scene, asset, continuum = given.scene, given.asset, given.continuum
-    plane, ground = None, around.ground
+    plane, ground, friction = None, around.ground, scene.simulation.friction
     margin_m = 0.5 * continuum.spacing_m
     if ground is not None:
         lowest_m = float(body.positions_m[~held.particles, 2].min(initial=math.inf))
@@ -194,6 +194,8 @@ def _settings(given: Given, around: Circumstances, held: Held, body: Body) -> Se
         ),
         obstacles=tuple(solid.obstacle for solid in solids_of(given, around)),
         damping_relative_to_rigid=not held.particles.any(),
+        held_friction=Settings.held_friction if isinstance(friction, str) else friction,
+        body_friction=Settings.body_friction if isinstance(friction, str) else friction,
         cfl=scene.simulation.cfl,
         chunks=_chunks(scene),
         max_substeps_per_frame=scene.simulation.substep_limit,

@@ -32,6 +32,9 @@ class Simulation(Section):
     """time step as a share of the time in which a wave crosses a cell"""
     damping_ratio: Annotated[float, Field(ge=0, lt=1)] = 0.08
     """of the lowest mode (mass-proportional)"""
+    friction: Auto | Annotated[float, Field(ge=0, le=10)] = "auto"
+    """Coulomb's coefficient where bodies rub: objects and separate parts on each other (auto: 0.5), and what touches
+    held parts without growing out of them (auto: 0.3)"""
     max_substeps: Annotated[int, Field(ge=10, le=1_000_000)] = 1500
     """per frame: thin parts are thickened until they need no more"""
     substep_limit: Annotated[int, Field(ge=10, le=10_000_000)] = 6000
