@@ -181,7 +181,7 @@ def read_cameras(path: Path) -> dict[str, Camera]:
         try:
             name, width, height = str(entry["name"]), int(entry["width"]), int(entry["height"])
             viewmat, intrinsics = entry["viewmat"], entry["K"]
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise FormatError(
                 f"{path}: cameras[{number}] needs name, width, height, K and viewmat; {error} is missing or wrong."
             ) from error
