@@ -112,6 +112,11 @@ def test_unfit_folders_are_refused(tmp_path: Path):
     with pytest.raises(FormatError, match="needs a name of its own that can be a file's"):
         read_label_maps(tmp_path)
     write_cameras(tmp_path, ("view_00",))
+    text = (tmp_path / "cameras.json").read_text()
+    (tmp_path / "cameras.json").write_text(text.replace('"width": 8', '"width": 1e999'))
+    with pytest.raises(FormatError, match="needs name, width, height"):
+        read_label_maps(tmp_path)
+    (tmp_path / "cameras.json").write_text(text)
     with pytest.raises(FormatError, match="expected a label map for a camera"):
         read_label_maps(tmp_path)
     write_png(tmp_path / "view_00.png", np.zeros((4, 4)))

@@ -69,7 +69,7 @@ class AnswerCache:
                 question_tokens=int(row["question_tokens"]),
                 answer_tokens=int(row["answer_tokens"]),
             )
-        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        except (OSError, ValueError, OverflowError, KeyError, TypeError, RecursionError):
             return None
 
     def write(self, question: str, sample: int, answer: RawAnswer) -> None:

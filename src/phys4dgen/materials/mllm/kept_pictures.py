@@ -84,5 +84,5 @@ def _read(folder: Path, digest: str) -> SubImages | None:
                 return None
         crops = {letter: pictures[f"part_{letter}"] for letter in letters.values()}
         return SubImages(pictures["object"], pictures["parts"], crops, letters, tuple(map(int, index["unseen"])))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValueError, OverflowError, KeyError, TypeError, AttributeError, RecursionError):
         return None
