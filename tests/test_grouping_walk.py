@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -68,6 +69,30 @@ def test_what_can_be_reached_does_not_leap():
     joined = [pair for pair in chain(11) if pair != (9, 10)]
     part = parts_by_random_walk(graph(look, joined, {}), clicks(11, 0, 10))
     np.testing.assert_array_equal(part[:8], 0)
+
+
+@pytest.mark.parametrize(("fold", "home"), [(-0.25, 0), (0.3, 1), (-0.5, 1)])
+def test_a_painted_area_belongs_to_what_it_goes_on_from(fold: float, home: int):
+    """The foot of a cup has the colour of the coffee; all along its edge it passes into the cup without a fold."""
+    coffee, cup, foot = range(6), range(6, 18), range(18, 24)
+    look = [10.0] * 6 + [30.0] * 12 + [10.0] * 6
+    edge = [(12 + k, 18 + k) for k in range(6)]
+    crease = {(i, i + 1): -0.25 for i in range(23)} | {(5, 6): 0.5} | dict.fromkeys(edge, fold)
+    pairs = [pair for pair in chain(24) if pair != (17, 18)] + edge
+    part = parts_by_random_walk(graph(look, pairs, crease), clicks(24, 8, 2))
+    np.testing.assert_array_equal(part[cup], 0)
+    np.testing.assert_array_equal(part[coffee], 1)
+    np.testing.assert_array_equal(part[foot], home)
+
+
+def test_of_two_parts_of_one_look_an_island_belongs_to_the_one_in_like_surroundings():
+    """A second lump of coal on the snow, where the hat is as black as coal: one click on each and on the snow."""
+    snow, hat = [60.0] * 8, [10.0] * 12
+    look = [*snow, 10.0, *snow, 10.0, *snow, *hat]
+    crease = {(24, 25): 0.5, (25, 26): 0.5}
+    part = parts_by_random_walk(graph(look, chain(38), crease), clicks(38, 4, 8, 31))
+    assert part[17] == 1
+    np.testing.assert_array_equal(part[26:], 2)
 
 
 @settings(max_examples=30, deadline=None)
