@@ -61,6 +61,7 @@ SCENE_FLAGS = (
     Flag("--boundaries", "boundaries", "LIST", _BOUNDARIES_HELP),
     Flag("--changes", "changes", "LIST", _CHANGES_HELP),
     Flag("--gravity", "gravity", "NAME", "rest: the shape given is at rest under gravity"),
+    Flag("--prestress", "prestress", "NAME", "off: the shape given sags where gravity is on"),
 )  # fmt: skip
 """Everyday flags of the commands that simulate."""
 

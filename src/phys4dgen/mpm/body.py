@@ -39,6 +39,8 @@ class Body:
             grow together where they come close; all 0 by default, shape [P].
         law_numbers: further numbers of the laws by name (``types.LAW_NUMBERS``), [P] each, of any value where the
             particle's law does not use them; a number that has a default may be left out.
+        initial_gradients: deformation gradient at t = 0, shape [P, 3, 3] (``prestress``); None: unstrained. Volumes
+            and densities are those of the shape at t = 0 all the same.
     """
 
     positions_m: NDArray[np.float64]
@@ -55,6 +57,7 @@ class Body:
     bonded_to_held: NDArray[np.bool_] | None = None
     body_id: NDArray[np.int32] | None = None
     law_numbers: Mapping[str, NDArray[np.float64]] | None = None
+    initial_gradients: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         positions = checked_array(self.positions_m, "positions_m", (None, 3), np.float64)
@@ -78,6 +81,11 @@ class Body:
         for name in ("volume_m3", "density_kgm3", "youngs_modulus_pa"):
             if not (checked[name] > 0).all():
                 raise ValueError(f"{name}: expected positive values, got {checked[name].min():g}.")
+        if self.initial_gradients is not None:
+            gradients = checked_array(self.initial_gradients, "initial_gradients", (p, 3, 3), np.float64)
+            if not (np.linalg.det(gradients) > 0).all():
+                raise ValueError("initial_gradients: expected positive determinants.")
+            checked["initial_gradients"] = gradients
         nu = checked["poisson_ratio"]
         if not ((nu > -1) & (nu < 0.5)).all():
             raise ValueError(f"poisson_ratio: expected values in (-1, 0.5), got {nu.min():g} to {nu.max():g}.")

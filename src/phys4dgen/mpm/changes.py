@@ -20,12 +20,11 @@ from phys4dgen.mpm.body import Body
 from phys4dgen.mpm.kernels.layout import AFFINE, DISPLACEMENT_GRADIENT, LAW_COLUMNS, POSITION, POSITION_REST, VELOCITY
 from phys4dgen.mpm.laws import LAWS, Gradient, Law, LawId
 from phys4dgen.mpm.loads import Selection
-from phys4dgen.mpm.state import Particles
+from phys4dgen.mpm.state import ELASTIC_STRAIN, STRAIN_INDICES, Particles
 from phys4dgen.types import LAW_NUMBERS
 
 __all__ = ["MaterialChange", "carry_over", "changed_body", "check_changes"]
 
-_ELASTIC_STRAIN = tuple(f"strain_{ij}" for ij in ("xx", "xy", "xz", "yy", "yz", "zz"))
 _CARRIED = ((POSITION, 3), (POSITION_REST, 3), (VELOCITY, 3), (AFFINE, 9), (DISPLACEMENT_GRADIENT, 9))
 
 
@@ -143,9 +142,8 @@ def _take_state(
     F += np.eye(3)
     state = dict(zip(old_law.state, old.columns[old_first : old_first + len(old_law.state), sources], strict=True))
     b = _elastic_left_cauchy_green(old_law, F, {name: values.astype(np.float64) for name, values in state.items()})
-    if _ELASTIC_STRAIN[0] in law.state:
-        pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-        for name, (i, j) in zip(_ELASTIC_STRAIN, pairs, strict=True):
+    if ELASTIC_STRAIN[0] in law.state:
+        for name, (i, j) in zip(ELASTIC_STRAIN, STRAIN_INDICES, strict=True):
             new.columns[first + law.state.index(name), places] = b[:, i, j] - (i == j)
     if "growth" in law.state:
         growth = np.sqrt(np.maximum(np.linalg.det(b), 1e-6)) - 1
@@ -159,8 +157,8 @@ def _elastic_left_cauchy_green(
     if law.gradient is Gradient.ELASTIC:
         return F @ np.swapaxes(F, 1, 2)
     b = np.tile(np.eye(3), (len(F), 1, 1))
-    if _ELASTIC_STRAIN[0] in state:
-        for name, (i, j) in zip(_ELASTIC_STRAIN, ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)), strict=True):
+    if ELASTIC_STRAIN[0] in state:
+        for name, (i, j) in zip(ELASTIC_STRAIN, STRAIN_INDICES, strict=True):
             b[:, i, j] = b[:, j, i] = state[name] + (i == j)
     elif "growth" in state:
         b *= ((1 + state["growth"]) ** (2 / 3))[:, None, None]

@@ -22,7 +22,12 @@ from phys4dgen.mpm.kernels.layout import (
 )
 from phys4dgen.mpm.laws import NEO_HOOKEAN, Gradient, Law
 
-__all__ = ["REMEMBERED_STRETCH", "Particles"]
+__all__ = ["ELASTIC_STRAIN", "REMEMBERED_STRETCH", "STRAIN_INDICES", "Particles"]
+
+ELASTIC_STRAIN = tuple(f"strain_{ij}" for ij in ("xx", "xy", "xz", "yy", "yz", "zz"))
+"""State columns of laws that carry b - I."""
+
+STRAIN_INDICES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 REMEMBERED_STRETCH = (0.25, 4.0)
 """Least and greatest singular value that the total F of flowing material keeps from frame to frame."""
@@ -91,8 +96,21 @@ class Particles:
             parameters = slice(LAW_COLUMNS, LAW_COLUMNS + len(law.parameters))
             columns[parameters, places] = body.law_columns(law, index[places])
         columns[VELOCITY : VELOCITY + 3] = body.velocities_ms[index].T
+        if body.initial_gradients is not None:
+            self._strain(columns, body.initial_gradients[index])
         columns[INDEX] = np.where(real, index, ~index).astype(np.int32).view(np.float32)
         return columns
+
+    def _strain(self, columns: NDArray[np.float32], gradients: NDArray[np.float64]) -> None:
+        """Set the deformation gradients [n, 3, 3] of soft particles, and the elastic strain that goes with them."""
+        strains = gradients @ np.swapaxes(gradients, 1, 2) - np.eye(3)
+        for law, places in zip(self.laws[: self.soft_ranges], self._places(), strict=False):
+            H = (gradients[places] - np.eye(3)).reshape(-1, 9).T
+            columns[DISPLACEMENT_GRADIENT : DISPLACEMENT_GRADIENT + 9, places] = H
+            if ELASTIC_STRAIN[0] in law.state:
+                first = LAW_COLUMNS + len(law.parameters) + law.state.index(ELASTIC_STRAIN[0])
+                for column, (i, j) in enumerate(STRAIN_INDICES, first):
+                    columns[column, places] = strains[places, i, j]
 
     @property
     def body_index(self) -> NDArray[np.int32]:

@@ -188,7 +188,7 @@ def _gravity(read: ReadConfiguration, placement: Placement, mode: Mode, notes: l
         vector = placement.vector(-given * up)
     else:
         vector = placement.vector(given)
-    return {"gravity": "on", "gravity_ms2": vector} if any(vector) else {"gravity": "off"}
+    return {"gravity": "on", "gravity_ms2": vector, "prestress": "off"} if any(vector) else {"gravity": "off"}
 
 
 def _interior(config: Configuration, mode: Mode) -> dict[str, Any]:

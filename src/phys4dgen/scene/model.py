@@ -86,9 +86,12 @@ class Scene(Section):
     forces: tuple[Force, ...] = ()
     """what acts besides the motion's own, see docs/forces.md"""
     gravity: Literal["auto", "rest", "on", "off"] = "auto"
-    """rest: the shape given is at rest under its weight, which adds no second sag; on: weight acts on an unloaded
-    shape; off: weightless; auto: on for drop and melt, for press on a ground that does not hold,
-    and where gravity_ms2 is given, else rest"""
+    """rest: the shape given is at rest under its weight, which is left out; on: weight acts, see prestress; off:
+    weightless; auto: on for drop and melt, for press on a ground that does not hold, and where gravity_ms2 is given,
+    else rest"""
+    prestress: Literal["auto", "on", "off"] = "auto"
+    """whether the shape given carries its weight from the start; off: it sags, as an unloaded shape does; auto: on
+    where gravity is on and something that is held carries what is elastic"""
     gravity_ms2: Auto | Vector = "auto"
     """acceleration of gravity in the input's axes; auto: 9.81 downwards"""
     boundaries: tuple[Boundary, ...] = ()
@@ -120,6 +123,8 @@ class Scene(Section):
             raise ValueError(f"boundaries: one ground is enough, got {grounds}")
         if self.gravity_ms2 != "auto" and self.gravity in ("rest", "off"):
             raise ValueError(f"gravity_ms2 says how strong gravity is, gravity: {self.gravity} that it does not act")
+        if self.prestress == "on" and self.gravity in ("rest", "off"):
+            raise ValueError(f"prestress: on balances a weight, gravity: {self.gravity} leaves it out; use gravity: on")
         return self
 
     @model_validator(mode="after")

@@ -13,7 +13,7 @@ from phys4dgen.animate import Animator
 from phys4dgen.body import Assembly
 from phys4dgen.interior import Interior, narrow_gaps
 from phys4dgen.motion import Held
-from phys4dgen.mpm import Simulator, changed_body
+from phys4dgen.mpm import Simulator, changed_body, since_start
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Scene
 from phys4dgen.stages.apart import skin_by_body
@@ -22,6 +22,7 @@ from phys4dgen.stages.courant import tell_courant_numbers
 from phys4dgen.stages.interior import settled_thickness
 from phys4dgen.stages.motion_facts import MotionFacts
 from phys4dgen.stages.motion_plan import Plan, plan_motion
+from phys4dgen.stages.prestress import with_prestress
 from phys4dgen.stages.simulation import Simulation
 from phys4dgen.types import Continuum, MaterialBook, Parts
 
@@ -54,8 +55,9 @@ def move(
     """Simulate the body with MPM and carry all Gaussians with it."""
     continuum = settled_thickness(scene, asset, parts, interior.continuum, book)
     plan = plan_motion(scene, asset, parts, continuum, book, progress)
-    held, assembly, facts = plan.held, plan.assembly, plan.facts
     _tell_what_differs(scene, asset, parts, continuum, plan, progress)
+    plan = with_prestress(scene, asset, parts, plan, progress)
+    held, assembly, facts = plan.held, plan.assembly, plan.facts
     if scene.paper_scale is not None:
         tell_courant_numbers(asset, book, progress)
     simulator = Simulator(assembly.body, plan.settings)
@@ -74,8 +76,9 @@ def move(
             if k == 0:  # the rest pose is the input, to the bit
                 yield asset.gaussians.means, _identities(len(asset.gaussians))
             else:
-                positions_m = assembly.true_positions_m(state.positions_m, state.deformation_gradients)
-                gradients = asset.frame.tensor_to_input_axes(state.deformation_gradients)
+                deformation = since_start(state.deformation_gradients, assembly.body)
+                positions_m = assembly.true_positions_m(state.positions_m, deformation)
+                gradients = asset.frame.tensor_to_input_axes(deformation)
                 yield animator.carry(asset.frame.from_metres(positions_m), gradients)
             progress.update(k + 1, scene.frame_count, "frames simulated")
 

@@ -9,7 +9,7 @@ from typing import Any
 from phys4dgen.body import CappedPart, PartThickening
 from phys4dgen.mpm import Frame as SimulatedFrame
 
-__all__ = ["MotionFacts", "RigidPart"]
+__all__ = ["MotionFacts", "Prestressing", "RigidPart"]
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,27 @@ class RigidPart:
     part: str
     bodies: tuple[int, ...]
     reason: str
+
+
+@dataclass(frozen=True)
+class Prestressing:
+    """How the shape given carries its weight at t = 0 (``mpm.Prestress``).
+
+    Attributes:
+        largest_strain: of a principal stretch less 1.
+        sag_m: by which the unstrained shape would sag.
+        change_m: what is left to move.
+        iterations: of the solver.
+        converged: whether ``change_m`` is within the tolerance.
+        yielding: parts that are strained beyond yield.
+    """
+
+    largest_strain: float
+    sag_m: float
+    change_m: float
+    iterations: int
+    converged: bool
+    yielding: tuple[str, ...]
 
 
 _PER_FRAME = (
@@ -43,6 +64,7 @@ class MotionFacts:
         held: parts or region held, with the reason.
         why: how the preset came about, where it was left open.
         gravity: rest, on or off.
+        prestress: of a shape that carries its weight from the start, None without.
         ground_below_m: from the lowest point at rest down to the ground, None without ground.
         ground_height_m: of the ground along up, metres in the input's origin, None without ground.
         obstacles: what the film draws of obstacles (``motion_obstacles.drawn_obstacles``).
@@ -67,6 +89,7 @@ class MotionFacts:
     held: str
     why: str = ""
     gravity: str = "rest"
+    prestress: Prestressing | None = None
     ground_below_m: float | None = None
     ground_height_m: float | None = None
     obstacles: list[dict[str, Any]] = field(default_factory=list)

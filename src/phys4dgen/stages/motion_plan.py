@@ -156,7 +156,8 @@ def _finish(given: Given, prepared: Prepared, probe: ProbeResult | None, *, why:
     if probe is not None:
         facts.frequency_hz = probe.frequency_hz
         facts.damping_per_s = damping_per_s(scene.simulation.damping_ratio, probe.frequency_hz)
-        _warn_of_sag(facts, probe, asset, progress)
+        if scene.prestress == "off":
+            _warn_of_sag(facts, probe, asset, progress)
     elif not prepared.several and (preset != "rest" or acts_by_itself(scene)):  # several move against each other
         facts.damping_per_s = damped_drop_per_s(scene.simulation.damping_ratio)
     if preset == "sway" and probe is not None:
@@ -183,7 +184,7 @@ def _warn_of_sag(facts: MotionFacts, probe: ProbeResult, asset: Asset, progress:
     if facts.gravity == "on" and sag_m > _VISIBLE_SAG * asset.height_m:
         progress.warn(
             f"Gravity acts on an unloaded shape, which sags by about {sag_m / asset.height_m:.0%} of the height; a "
-            "captured shape hangs already: use gravity: rest."
+            "captured shape hangs already: use prestress: auto, or gravity: rest."
         )
 
 

@@ -32,6 +32,7 @@ __all__ = [
     "deviator",
     "hencky_energy_pa",
     "hencky_strains",
+    "hencky_stretches",
     "of_gradient",
     "principal_hencky",
     "principal_strains",
@@ -171,3 +172,10 @@ def hencky_strains(state: NDArray[Any]) -> NDArray[np.float64]:
 def hencky_energy_pa(eps: NDArray[Any], mu: NDArray[Any], lam: NDArray[Any]) -> NDArray[np.float64]:
     """Psi = mu sum eps_i^2 + lam/2 (tr eps)^2 of Hencky strains [P, 3], J/m3, [P]."""
     return mu * (eps**2).sum(-1) + lam / 2 * eps.sum(-1) ** 2
+
+
+def hencky_stretches(tau: NDArray[Any], mu: NDArray[Any], lam: NDArray[Any]) -> NDArray[np.float64]:
+    """Principal stretches [P, 3] under tau_i = 2 mu eps_i + lam tr eps [P, 3]; see ``Law.stretches``."""
+    trace = tau.sum(1) / (3 * lam + 2 * mu)
+    eps = (tau - (lam * trace)[:, None]) / (2 * mu)[:, None]
+    return np.exp(np.clip(eps, *np.log1p([float(_LOW), float(_HIGH)]) / 2))

@@ -33,9 +33,10 @@ from phys4dgen.vector.lanes import sqrt
 from phys4dgen.vector.math import inline
 from phys4dgen.vector.matrix import symmetric_from_eigen
 
-__all__ = ["FIXED_COROTATED", "corotated_energy_pa", "corotated_stress", "energy_density_pa", "response"]
+__all__ = ["FIXED_COROTATED", "corotated_energy_pa", "corotated_stress", "energy_density_pa", "response", "stretches"]
 
 _1 = np.float32(1)
+_LEAST_J, _GREATEST_J, _HALVINGS = 0.5, 8.0, 40
 
 
 @inline
@@ -77,6 +78,22 @@ def energy_density_pa(
     return corotated_energy_pa(strains_of_gradient(F), mu, lam)
 
 
+def stretches(tau: NDArray[Any], mu: NDArray[Any], lam: NDArray[Any]) -> NDArray[np.float64]:
+    """Principal stretches [P, 3] under principal stresses [P, 3]; see ``Law.stretches``.
+
+    With q = lam J (J - 1) each is the larger root of 2 mu s (s - 1) = tau_i - q, and prod s_i - J falls with J: halved
+    40 times. Below a stress of -mu / 2 there is no root, for the law gives way; s = 1/2 comes nearest.
+    """
+    low, high = np.full(len(tau), _LEAST_J), np.full(len(tau), _GREATEST_J)
+    found = np.ones_like(tau)
+    for _ in range(_HALVINGS):
+        j = (low + high) / 2
+        found = (1 + np.sqrt(np.maximum(1 + 2 * (tau - (lam * j * (j - 1))[:, None]) / mu[:, None], 0))) / 2
+        too_low = found.prod(1) > j
+        low, high = np.where(too_low, j, low), np.where(too_low, high, j)
+    return found
+
+
 FIXED_COROTATED = register(
     Law(
         LawId.FIXED_COROTATED,
@@ -84,5 +101,6 @@ FIXED_COROTATED = register(
         lambda material: (material["lame_mu_pa"], material["lame_lambda_pa"]),
         response,
         energy_density_pa,
+        stretches=stretches,
     )
 )

@@ -69,6 +69,8 @@ class Law:
         stiffening: NumPy function (parameters, state) -> by how much the P-wave modulus has grown over that at rest,
             [P]; None if it does not grow much.
         damped: with Kelvin-Voigt viscosity (``kelvin_voigt.damped``).
+        stretches: NumPy function (principal Kirchhoff stresses [P, 3], mu [P], lambda [P]) -> principal stretches
+            [P, 3] that have them; None of a law that does not keep its shape under its weight.
     """
 
     law_id: LawId
@@ -80,6 +82,9 @@ class Law:
     gradient: Gradient = Gradient.ELASTIC
     stiffening: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]] | None = None
     damped: bool = False
+    stretches: Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]] | None = (
+        None
+    )
 
     @property
     def name(self) -> str:

@@ -33,8 +33,9 @@ from phys4dgen.vector.lanes import like, maximum
 from phys4dgen.vector.math import inline, log1p
 from phys4dgen.vector.matrix import volume_growth
 
-__all__ = ["NEO_HOOKEAN", "energy_density_pa", "response"]
+__all__ = ["NEO_HOOKEAN", "energy_density_pa", "response", "stretches"]
 
+_LEAST_SQUARE, _STEPS = 0.04, 30
 _SMALLEST_J = np.float32(1e-6)  # keeps the logarithm finite in a simulation that is about to fail
 
 
@@ -59,6 +60,21 @@ def energy_density_pa(
     return mu / 2 * (trace_b - 3) - mu * log_j + lam / 2 * log_j**2
 
 
+def stretches(tau: NDArray[Any], mu: NDArray[Any], lam: NDArray[Any]) -> NDArray[np.float64]:
+    """Principal stretches [P, 3] under principal stresses [P, 3]; see ``Law.stretches``.
+
+    With L = ln J each is s_i^2 = 1 + (tau_i - lam L) / mu; Newton's method on sum ln s_i = L, from where all are real.
+    """
+    ratio = (lam / mu)[:, None]
+    load = 1 + tau / mu[:, None]
+    log_j = np.minimum(tau.sum(1) / (3 * lam + 2 * mu), (load.min(1) - _LEAST_SQUARE) / np.maximum(ratio[:, 0], 1e-12))
+    for _ in range(_STEPS):
+        squares = np.maximum(load - ratio * log_j[:, None], _LEAST_SQUARE)
+        missing = np.log(squares).sum(1) / 2 - log_j
+        log_j = log_j + missing / (1 + (ratio / squares).sum(1) / 2)
+    return np.sqrt(np.maximum(load - ratio * log_j[:, None], _LEAST_SQUARE))
+
+
 NEO_HOOKEAN = register(
     Law(
         LawId.NEO_HOOKEAN,
@@ -66,5 +82,6 @@ NEO_HOOKEAN = register(
         lambda material: (material["lame_mu_pa"], material["lame_lambda_pa"]),
         response,
         energy_density_pa,
+        stretches=stretches,
     )
 )

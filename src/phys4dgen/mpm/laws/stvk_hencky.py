@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from phys4dgen.mpm.laws.elastic_strain import (
     hencky_energy_pa,
+    hencky_stretches,
     of_gradient,
     principal_hencky,
     strains_of_gradient,
@@ -62,5 +63,6 @@ STVK_HENCKY = register(
         lambda material: (material["lame_mu_pa"], material["lame_lambda_pa"]),
         response,
         energy_density_pa,
+        stretches=hencky_stretches,
     )
 )

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.mpm.laws.elastic_strain import STRAIN_STATE
+from phys4dgen.mpm.laws.elastic_strain import STRAIN_STATE, hencky_stretches
 from phys4dgen.mpm.laws.law import Gradient, Law, LawId, register
 from phys4dgen.mpm.laws.viscous_flow import energy_density_pa, relaxed, trial
 from phys4dgen.vector.lanes import like, maximum, where
@@ -70,5 +70,6 @@ VISCOPLASTIC = register(
         energy_density_pa,
         state=STRAIN_STATE,
         gradient=Gradient.TOTAL,
+        stretches=hencky_stretches,
     )
 )

@@ -40,6 +40,7 @@ from phys4dgen.mpm.laws.elastic_strain import (
     deviator,
     hencky_energy_pa,
     hencky_strains,
+    hencky_stretches,
     principal_hencky,
     settled,
     tau_of_hencky,
@@ -112,5 +113,6 @@ VON_MISES = register(
         energy_density_pa,
         state=(*STRAIN_STATE, "flow", "opening"),
         gradient=Gradient.TOTAL,
+        stretches=hencky_stretches,
     )
 )
