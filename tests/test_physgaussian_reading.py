@@ -60,6 +60,7 @@ def test_spellings(run, tmp_path):
         ({"particle_filling": {"densty_threshold": 3}}, "densty_threshold"),
         ({"boundary_conditions": [{"type": "surface_colider"}]}, "Did you mean 'surface_collider'"),
         ({"boundary_conditions": [{"point": [1, 1, 1]}]}, "expected a type"),
+        ({"boundary_conditions": [{"type": ["cuboid"]}]}, "expected a type"),
         ({"boundary_conditions": [{"type": "cuboid", "point": [1, 1, 1], "size": [1, 1, 1]}]}, "velocity"),
         ({"boundary_conditions": [{"type": "bounding_box", "pont": 1}]}, "pont"),
         ({"material": "jely"}, "Did you mean 'jelly'"),

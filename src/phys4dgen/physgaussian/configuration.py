@@ -177,7 +177,7 @@ def _condition(entry: Any, path: Path, number: int) -> BoundaryCondition:
     """One boundary condition."""
     place = f"{path}: boundary_conditions.{number}"
     kind = entry.get("type") if isinstance(entry, dict) else None
-    if kind not in BOUNDARY_TYPES:
+    if not isinstance(kind, str) or kind not in BOUNDARY_TYPES:
         raise SceneError(
             f"{place}: expected a type, one of {', '.join(BOUNDARY_TYPES)}, got {kind!r:.60}."
             f"{did_you_mean(str(kind), BOUNDARY_TYPES)}"
