@@ -8,6 +8,7 @@ from phys4dgen.progress import SILENT
 from phys4dgen.scene.model import validated_scene
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.motion_plan import plan_motion
+from phys4dgen.stages.prestress import with_prestress
 from phys4dgen.types import SOLID, Continuum, Frame, Material, MaterialBook, PartMaterials, Parts
 
 CELL_M = 0.0125
@@ -262,3 +263,33 @@ def test_obstacles_stand_where_the_scene_says(plan):
     np.testing.assert_allclose(obstacles[1].shift_m(0.2), [0, 0, -0.2])
     inside = [obstacle.shape.distances(np.array([[0.0, 0, 0.1]]))[0][0] for obstacle in obstacles[4:]]
     assert min(inside) == pytest.approx(0.1, abs=0.004)  # its floor lies under the object
+
+
+def _prestressed(plan, keys):
+    found = plan({"motion": {"preset": "rest"}, **keys})
+    tree = {"input": "post.ply", "simulation": {"grid": 16, "chunks": 1}, "motion": {"preset": "rest"}, **keys}
+    scene = validated_scene(tree, source="test", places={})
+    asset = Asset(None, FRAME, np.array([-0.05, -0.05, 0]), np.array([0.05, 0.05, 0.2]), CELL_M)
+    parts = Parts(np.arange(2, dtype=np.int32), ("foot", "post"), "test")
+    return with_prestress(scene, asset, parts, found, SILENT)
+
+
+def test_what_is_held_carries_its_weight_where_gravity_is_on(plan):
+    held = {"gravity": "on", "parts": {"foot": {"hold": "fixed"}}}
+    body = _prestressed(plan, held).assembly.body
+    post = body.part == 1
+    assert 0.01 < 1 - body.initial_gradients[post, 2, 2].min() < 0.05
+    assert _prestressed(plan, {**held, "prestress": "off"}).assembly.body.initial_gradients is None
+    assert _prestressed(plan, {**held, "gravity": "rest"}).assembly.body.initial_gradients is None
+    assert _prestressed(plan, {"gravity": "on"}).assembly.body.initial_gradients is None
+    facts = _prestressed(plan, held).facts.prestress
+    assert facts.converged and facts.yielding == ()
+
+
+def test_a_prestress_that_cannot_be_is_refused(plan):
+    with pytest.raises(SceneError, match="hold what carries the object"):
+        _prestressed(plan, {"gravity": "on", "prestress": "on"})
+    with pytest.raises(SceneError, match="add gravity: on"):
+        _prestressed(plan, {"prestress": "on", "parts": {"foot": {"hold": "fixed"}}})
+    with pytest.raises(SceneError, match="use gravity: on"):
+        _prestressed(plan, {"prestress": "on", "gravity": "rest"})
