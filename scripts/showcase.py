@@ -24,6 +24,7 @@ from ruamel.yaml import YAML
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 STILLS = 4
 WIDTH_PX = 220
+TALLEST_PX = 190
 LABEL_PX = 18
 GAP_PX = 10
 TILE_PX = (190, 150)
@@ -106,12 +107,13 @@ def _row(folder: Path, name: str) -> Image.Image:
     frames = _frames(folder)
     shown = frames[np.linspace(0, len(frames) - 1, STILLS).round().astype(int)]
     box = _drawn_box(shown)
-    tall = round(WIDTH_PX * (box[3] - box[1]) / (box[2] - box[0]))
+    scale = min(WIDTH_PX / (box[2] - box[0]), TALLEST_PX / (box[3] - box[1]))
+    wide, tall = round(scale * (box[2] - box[0])), round(scale * (box[3] - box[1]))
     row = Image.new("RGB", (STILLS * WIDTH_PX, tall + LABEL_PX), "white")
     _write(row, name)
     for place, frame in enumerate(shown):
-        still = Image.fromarray(frame).crop(box).resize((WIDTH_PX, tall), Image.Resampling.LANCZOS)
-        row.paste(still, (place * WIDTH_PX, LABEL_PX))
+        still = Image.fromarray(frame).crop(box).resize((wide, tall), Image.Resampling.LANCZOS)
+        row.paste(still, (place * WIDTH_PX + (WIDTH_PX - wide) // 2, LABEL_PX))
     return row
 
 
