@@ -17,7 +17,7 @@ from phys4dgen.mpm.kernels.coarse import add_stiffness
 
 __all__ = ["CoarseStiffness"]
 
-_FINEST, _COARSER = 4.0, 1.25
+_FINEST, _COARSER = 6.0, 1.25
 _MOST_SPLINES = 1000
 _LEAST_DIAGONAL = 1e-6  # of the largest
 _GUARD = 1e-9  # added to the scaled diagonal
