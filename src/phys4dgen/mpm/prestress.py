@@ -50,7 +50,7 @@ class Prestress:
         largest_strain: of a principal stretch less 1.
         sag_m: how far the body would sag without it, by the linear problem (99th percentile).
         change_m: by how much the last fifth of the iterations changed that: what is left to move.
-        iterations: of conjugate gradients; each costs as much as two substeps.
+        iterations: of conjugate gradients: two passes over the particles and a coarse solution each.
         converged: whether ``change_m`` is within the tolerance.
         hanging_share: of the mass, which hangs on nothing.
     """
