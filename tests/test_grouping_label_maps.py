@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +116,9 @@ def test_unfit_folders_are_refused(tmp_path: Path):
     text = (tmp_path / "cameras.json").read_text()
     (tmp_path / "cameras.json").write_text(text.replace('"width": 8', '"width": 1e999'))
     with pytest.raises(FormatError, match="needs name, width, height"):
+        read_label_maps(tmp_path)
+    (tmp_path / "cameras.json").write_text(re.sub(r'"K": \[\[[^,]*', '"K": [[1' + "0" * 400, text))
+    with pytest.raises(FormatError, match="too large to convert"):
         read_label_maps(tmp_path)
     (tmp_path / "cameras.json").write_text(text)
     with pytest.raises(FormatError, match="expected a label map for a camera"):

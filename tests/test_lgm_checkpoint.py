@@ -53,6 +53,10 @@ def negative(header):
     header["conv.bias"]["data_offsets"] = [-28, 0]
 
 
+def listed(header):
+    header["conv.bias"]["dtype"] = ["F32"]
+
+
 def endless(header):
     header["conv.bias"]["shape"] = [2**47]
 
@@ -81,6 +85,7 @@ CASES = {
     "a gap": (lambda w: safetensors_bytes(w, edit=shifted), "overlap or leave gaps"),
     "shared bytes": (lambda w: safetensors_bytes(w, edit=shared), "overlap or leave gaps"),
     "a negative place": (lambda w: safetensors_bytes(w, edit=negative), "entry of 'conv.bias' .* damaged"),
+    "a list of types": (lambda w: safetensors_bytes(w, edit=listed), "numbers of type .* expected F16 or F32"),
     "an endless shape": (lambda w: safetensors_bytes(w, edit=endless), "entry of 'conv.bias' .* damaged"),
     "not a number": (
         lambda w: safetensors_bytes({**w, "conv.bias": np.full(14, np.nan, np.float16)}),

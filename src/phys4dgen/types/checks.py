@@ -21,9 +21,13 @@ def checked_array(
     """Return ``value`` as a read-only C-contiguous array of ``dtype`` and ``shape`` (None matches any length).
 
     Raises:
-        ValueError: the shape does not match, or a float array holds NaN or infinity; names the argument.
+        ValueError: the shape does not match, a number does not fit the type, or a float array holds NaN or infinity;
+            names the argument.
     """
-    array = np.ascontiguousarray(value, dtype=dtype)
+    try:
+        array = np.ascontiguousarray(value, dtype=dtype)
+    except OverflowError as error:  # a whole number beyond every float
+        raise ValueError(f"{name}: expected numbers of type {np.dtype(dtype)}: {error}.") from error
     matches = array.ndim == len(shape) and all(
         want is None or want == got for want, got in zip(shape, array.shape, strict=True)
     )

@@ -131,7 +131,7 @@ def _entry(path: Path, key: str, entry: Any, first: int) -> StoredTensor:
     shape, offsets = entry["shape"], entry["data_offsets"]
     if not (_whole_numbers(shape) and _whole_numbers(offsets) and len(offsets) == 2):
         raise damaged
-    if entry["dtype"] not in NUMBERS:
+    if not isinstance(entry["dtype"], str) or entry["dtype"] not in NUMBERS:
         raise FormatError(
             f"{path}: '{key}' holds numbers of type {str(entry['dtype'])[:20]}, expected {' or '.join(NUMBERS)}; "
             "convert the checkpoint."
