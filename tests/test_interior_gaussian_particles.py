@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from phys4dgen.animate import skin
-from phys4dgen.interior.gaussian_particles import gaussians_as_particles
+from phys4dgen.interior.gaussian_particles import as_lumps, gaussians_as_particles
 from phys4dgen.interior.labels import label_cells
 from phys4dgen.interior.voxels import VoxelGrid
-from phys4dgen.types import SOLID, Continuum, Frame, Gaussians
+from phys4dgen.types import SHEET, SOLID, Continuum, Frame, Gaussians
 
 CELL = 0.1
 RADIUS = 1.0
@@ -97,3 +99,25 @@ def test_a_gaussian_that_is_a_particle_follows_itself_alone(paper):
     assert np.abs(hung.arm[:-1]).max() == 0
     assert hung.rigidity[:-1].max() == 0
     assert hung.weights[-1, 0] < 1  # the floater is carried by several
+
+
+def test_what_is_known_of_thin_parts_is_kept_for_the_materials_and_not_simulated():
+    gaussians, labels = ball()
+    grid = VoxelGrid.around(np.full(3, -RADIUS), np.full(3, RADIUS), 2 * RADIUS / 32, padding=1)
+    labelled = label_cells(gaussians, labels, grid, np.zeros(grid.shape, bool), np.eye(3))
+    solid = seeded()
+    sheet = solid.positions[:, 0] > 0
+    shell = replace(
+        solid,
+        shape=np.where(sheet, SHEET, SOLID).astype(np.int8),
+        thickness_m=np.where(sheet, 0.004, np.nan),
+        thickness_measured=sheet,
+    )
+    frame = Frame(np.eye(3), 1.0)
+    found = gaussians_as_particles(gaussians, labels, shell, labelled=labelled, frame=frame, cell=CELL)
+    np.testing.assert_array_equal(found.shape == SHEET, found.part == 1)
+    np.testing.assert_array_equal(found.thickness_m[found.part == 1], 0.004)
+    lumps = as_lumps(found)
+    assert (lumps.shape == SOLID).all()
+    assert not lumps.thickness_measured.any()
+    np.testing.assert_array_equal(lumps.volume_m3, found.volume_m3)

@@ -2,7 +2,8 @@
 
 from phys4dgen.interior.discover import Interior, discover_interior
 from phys4dgen.interior.gaps import narrow_gaps
+from phys4dgen.interior.gaussian_particles import as_lumps
 from phys4dgen.interior.joined import joined_interiors
 from phys4dgen.interior.thickness import with_thickness
 
-__all__ = ["Interior", "discover_interior", "joined_interiors", "narrow_gaps", "with_thickness"]
+__all__ = ["Interior", "as_lumps", "discover_interior", "joined_interiors", "narrow_gaps", "with_thickness"]

@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from phys4dgen.interior.labels import LabelGrid
 from phys4dgen.types import SOLID, Continuum, Frame, Gaussians
 
-__all__ = ["gaussians_as_particles"]
+__all__ = ["as_lumps", "gaussians_as_particles"]
 
 _REACH_CELLS = 1.5
 """Gaussians farther from the solid share no grid node with it: they would fly off, and are carried instead."""
@@ -38,7 +38,8 @@ def gaussians_as_particles(
     Args:
         gaussians: N Gaussians, of any opacity.
         labels: part of each, [N].
-        seeded: the well-spaced particles of the same solid: their volumes, parts and pieces are taken over.
+        seeded: the well-spaced particles of the same solid: their volumes, parts, pieces and what is known of thin
+            parts are taken over; materials are named by it (``as_lumps`` takes it away for the simulation).
         labelled: the label grid; its interior cells become particles.
         frame: input coordinates -> metres.
         cell: grid cell dx of the simulation, input units.
@@ -52,13 +53,16 @@ def gaussians_as_particles(
     positions = np.concatenate([means[index], inside]).astype(np.float32).astype(np.float64)
     part = np.concatenate([labels[index], labelled.part[tuple(cells.T)]]).astype(np.int32)
     is_interior = np.arange(len(part)) >= len(index)
-    piece = np.zeros(len(part), np.int32)
+    p = len(part)
+    piece, shape = np.zeros(p, np.int32), np.full(p, SOLID, np.int8)
+    thickness_m, measured = np.full(p, np.nan), np.zeros(p, bool)
     for number in np.unique(part):
-        mine, theirs = part == number, np.flatnonzero(seeded.part == number)
+        mine, theirs = np.flatnonzero(part == number), np.flatnonzero(seeded.part == number)
         if len(theirs):
             _, nearest = KDTree(seeded.positions[theirs]).query(positions[mine], workers=-1)
-            piece[mine] = seeded.piece[theirs][nearest]
-    p = len(part)
+            like = theirs[nearest]
+            piece[mine], shape[mine] = seeded.piece[like], seeded.shape[like]
+            thickness_m[mine], measured[mine] = seeded.thickness_m[like], seeded.thickness_measured[like]
     return replace(
         seeded,
         positions=positions,
@@ -67,10 +71,21 @@ def gaussians_as_particles(
         volume_m3=_shared_volume(positions, part, seeded, cell),
         gaussian_index=np.concatenate([index, np.full(len(cells), -1)]).astype(np.int32),
         piece=piece,
+        shape=np.where(is_interior, SOLID, shape).astype(np.int8),
+        thickness_m=np.where(is_interior, np.nan, thickness_m),
+        thickness_measured=measured & ~is_interior,
+        offset_m=np.zeros((p, 3)),
+    )
+
+
+def as_lumps(continuum: Continuum) -> Continuum:
+    """The same particles without what is known of thin parts: so the paper simulates them."""
+    p = len(continuum)
+    return replace(
+        continuum,
         shape=np.full(p, SOLID, np.int8),
         thickness_m=np.full(p, np.nan),
         thickness_measured=np.zeros(p, bool),
-        offset_m=np.zeros((p, 3)),
     )
 
 

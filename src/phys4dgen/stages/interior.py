@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from phys4dgen.errors import SceneError, did_you_mean
-from phys4dgen.interior import Interior, discover_interior, joined_interiors, with_thickness
+from phys4dgen.interior import Interior, as_lumps, discover_interior, joined_interiors, with_thickness
 from phys4dgen.materials.library import find_entry
 from phys4dgen.progress import Progress
 from phys4dgen.scene import PartOptions, Scene, options_by_part
@@ -114,7 +114,8 @@ def settled_thickness(scene: Scene, asset: Asset, parts: Parts, continuum: Conti
     """The continuum with the thickness that the user gave, else measured, else the material's usual one."""
     surfaces = {number: book.parts[name].surface for number, name in enumerate(parts.names)}
     usual = {number: surface.thickness_m for number, surface in surfaces.items() if surface.thickness_m is not None}
-    return with_thickness(continuum, frame=asset.frame, given_m=_given_thickness(scene, parts), library_m=usual)
+    settled = with_thickness(continuum, frame=asset.frame, given_m=_given_thickness(scene, parts), library_m=usual)
+    return as_lumps(settled) if scene.interior.particles == "gaussians" else settled
 
 
 def _given_thickness(scene: Scene, parts: Parts) -> dict[int, float]:
