@@ -286,6 +286,17 @@ def test_what_is_held_carries_its_weight_where_gravity_is_on(plan):
     assert facts.converged and facts.yielding == ()
 
 
+def test_what_is_too_soft_to_stand_gets_a_prestress_only_where_that_is_asked_for(plan, monkeypatch):
+    held = {"gravity": "on", "parts": {"foot": {"hold": "fixed"}}}
+    sag_m = _prestressed(plan, held).facts.prestress.sag_m
+    monkeypatch.setattr("phys4dgen.stages.prestress._LARGEST_SAG", 0.9 * sag_m / 0.2)
+    soft = _prestressed(plan, held)
+    assert soft.facts.prestress is None
+    assert soft.assembly.body.initial_gradients is None
+    asked = _prestressed(plan, {**held, "prestress": "on"})
+    assert asked.facts.prestress.sag_m == pytest.approx(sag_m)
+
+
 def test_a_prestress_that_cannot_be_is_refused(plan):
     with pytest.raises(SceneError, match="hold what carries the object"):
         _prestressed(plan, {"gravity": "on", "prestress": "on"})

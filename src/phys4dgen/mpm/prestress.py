@@ -19,6 +19,7 @@ first, then the rest shape of each element).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -72,6 +73,7 @@ def prestress(
     *,
     gravity_ms2: tuple[float, float, float],
     tolerance_m: float,
+    largest_sag_m: float = math.inf,
     most_iterations: int = 3000,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Prestress | None:
@@ -84,6 +86,7 @@ def prestress(
         settings: of the film.
         gravity_ms2: that the shape is in equilibrium with.
         tolerance_m: of ``Prestress.change_m``.
+        largest_sag_m: iterations end where the body would sag by more, and the result is of no use but to say so.
         most_iterations: after which the result stands as it is.
         on_progress: called with (iterations, most).
     """
@@ -110,6 +113,8 @@ def prestress(
             moved, strains = stiffness.particles_at(solution)
             change_m = _seen_m(moved - last, stiffness.carried)
             converged = change_m <= tolerance_m
+            if _seen_m(moved, stiffness.carried) > largest_sag_m:
+                break
             look = int(_NEXT_LOOK * iteration)
             if on_progress is not None:
                 on_progress(iteration, most_iterations)

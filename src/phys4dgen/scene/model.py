@@ -91,7 +91,8 @@ class Scene(Section):
     else rest"""
     prestress: Literal["auto", "on", "off"] = "auto"
     """whether the shape given carries its weight from the start; off: it sags, as an unloaded shape does; auto: on
-    where gravity is on and something that is held carries what is elastic"""
+    where gravity is on, something that is held carries what is elastic, and it would sag by less than 3 % of the
+    height"""
     gravity_ms2: Auto | Vector = "auto"
     """acceleration of gravity in the input's axes; auto: 9.81 downwards"""
     boundaries: tuple[Boundary, ...] = ()
