@@ -89,6 +89,19 @@ def test_small_strains_keep_their_digits(law):
     assert (error < 1e-6 + 10 * strain).all()
 
 
+@pytest.mark.parametrize("law", ELASTIC)
+@pytest.mark.parametrize("size", [0.003, 0.03, 0.1, 0.19, 0.21, 0.3])
+def test_stress_is_right_on_both_sides_of_where_eigenvectors_take_over(law, size):
+    # |b - I| = 0.4 in a batch decides (elastic_strain.NEAR_ZERO); a stretch of about 0.19
+    rng = np.random.default_rng(9)
+    H = rng.normal(size=(COUNT, 3, 3))
+    F = (np.eye(3) + size * H / np.linalg.norm(H, axis=(1, 2), keepdims=True)) @ rotation(7)
+    points = points_of(law, E=1.0)
+    tau = points.deform(F)
+    expected = kirchhoff(law, points.F, points.mu, points.lam)
+    assert np.abs(tau - expected).max() < 2e-6 * np.abs(expected).max() + 2e-7
+
+
 @pytest.mark.parametrize("law", list(LAW_NUMBERS))
 def test_stress_turns_with_the_body(law, gradients):
     C = 0.1 * (gradients - np.eye(3))

@@ -10,7 +10,7 @@ from phys4dgen.mpm.fields import Attractor, Noise, PerParticleForce, Vortex, Win
 from phys4dgen.mpm.laws import LawId
 from phys4dgen.mpm.loads import Acceleration, Impulse, TotalForce
 from phys4dgen.mpm.obstacles import HalfSpace, HollowBall, Motion, Obstacle, Push, RoundedBox
-from phys4dgen.mpm.prestress import Prestress, prestress, since_start
+from phys4dgen.mpm.prestress import Prestress, prestress, since_start, stiffened
 from phys4dgen.mpm.settings import Ground, Settings
 from phys4dgen.mpm.simulator import Frame, Simulator
 from phys4dgen.mpm.timestep import Estimate, StiffPart, affordable_modulus_pa, stiff_parts
@@ -46,4 +46,5 @@ __all__ = [
     "prestress",
     "since_start",
     "stiff_parts",
+    "stiffened",
 ]

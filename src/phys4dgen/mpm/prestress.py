@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,7 @@ from phys4dgen.mpm.laws import LAWS, LawId
 from phys4dgen.mpm.settings import Settings
 from phys4dgen.mpm.stiffness import Stiffness
 
-__all__ = ["Prestress", "prestress", "since_start"]
+__all__ = ["Prestress", "prestress", "since_start", "stiffened"]
 
 _FIRST_LOOK = 50
 _NEXT_LOOK = 1.25  # times the iterations so far
@@ -54,6 +54,7 @@ class Prestress:
         iterations: of conjugate gradients: two passes over the particles and a coarse solution each.
         converged: whether ``change_m`` is within the tolerance.
         hanging_share: of the mass, which hangs on nothing.
+        simulated: the body that has it, the skin of held parts moving.
     """
 
     deformation_gradients: NDArray[np.float64]
@@ -65,6 +66,7 @@ class Prestress:
     iterations: int
     converged: bool
     hanging_share: float
+    simulated: Body
 
 
 def prestress(
@@ -73,6 +75,7 @@ def prestress(
     *,
     gravity_ms2: tuple[float, float, float],
     tolerance_m: float,
+    standing_sag_m: float = math.inf,
     largest_sag_m: float = math.inf,
     most_iterations: int = 3000,
     on_progress: Callable[[int, int], None] | None = None,
@@ -86,6 +89,7 @@ def prestress(
         settings: of the film.
         gravity_ms2: that the shape is in equilibrium with.
         tolerance_m: of ``Prestress.change_m``.
+        standing_sag_m: what sags by more may be balanced worse in proportion: it will be made stiffer (``stiffened``).
         largest_sag_m: iterations end where the body would sag by more, and the result is of no use but to say so.
         most_iterations: after which the result stands as it is.
         on_progress: called with (iterations, most).
@@ -111,25 +115,42 @@ def prestress(
         if iteration in (look, most_iterations):
             last = moved
             moved, strains = stiffness.particles_at(solution)
-            change_m = _seen_m(moved - last, stiffness.carried)
-            converged = change_m <= tolerance_m
-            if _seen_m(moved, stiffness.carried) > largest_sag_m:
+            change_m, sag_m = _seen_m(moved - last, stiffness.carried), _seen_m(moved, stiffness.carried)
+            converged = change_m <= tolerance_m * max(1.0, sag_m / standing_sag_m)
+            if sag_m > largest_sag_m:
                 break
             look = int(_NEXT_LOOK * iteration)
             if on_progress is not None:
                 on_progress(iteration, most_iterations)
     gradients = _with_the_stress_of(strains, stiffness.body, stiffness.carried)
-    stretch = np.linalg.eigvalsh(gradients[stiffness.carried])
     return Prestress(
         gradients,
         stiffness.carried & ~body.held,
         strains,
-        float(np.abs(stretch - 1).max()),
+        _largest_strain(gradients[stiffness.carried]),
         _seen_m(moved, stiffness.carried),
         float(change_m),
         iteration,
         converged,
         stiffness.hanging_share,
+        stiffness.body,
+    )
+
+
+def stiffened(found: Prestress, factor: float) -> Prestress:
+    """The prestress of the same body with ``factor`` times its Young's moduli: the same stress, smaller strains."""
+    body = replace(found.simulated, youngs_modulus_pa=factor * found.simulated.youngs_modulus_pa)
+    strains = found.strains / factor
+    strained = (strains != 0).any((1, 2))
+    gradients = _with_the_stress_of(strains, body, strained)
+    return replace(
+        found,
+        deformation_gradients=gradients,
+        strains=strains,
+        largest_strain=_largest_strain(gradients[strained]),
+        sag_m=found.sag_m / factor,
+        change_m=found.change_m / factor,
+        simulated=body,
     )
 
 
@@ -147,6 +168,10 @@ def _dot(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
 
 def _seen_m(displacements: NDArray[np.float64], carried: NDArray[np.bool_]) -> float:
     return float(np.percentile(np.linalg.norm(displacements[carried], axis=1), _SEEN_PERCENTILE))
+
+
+def _largest_strain(gradients: NDArray[np.float64]) -> float:
+    return float(np.abs(np.linalg.eigvalsh(gradients) - 1).max(initial=0.0))
 
 
 def _with_the_stress_of(strains: NDArray[np.float64], body: Body, carried: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -236,9 +236,8 @@ class Simulator:
         for law_ranges in particles.ranges:
             order_by_cell(self._cells, self._extent, law_ranges[0, 0], law_ranges[-1, 1], self._counts, self._order)
         grid = self._grid
-        spans, bounds = grid.chunk_limits(
-            self._cells[:, self._order], particles.ranges, self._extent, self._fields.of_range
-        )
+        self._cells = np.take(self._cells, self._order, axis=1)
+        spans, bounds = grid.chunk_limits(self._cells, particles.ranges, self._extent, self._fields.of_range)
         everything, kicks = self._kicks.gains(times_s, **self._felt())
         span_s = float(times_s[0]), float(times_s[-1])
         self._solids.begin(*span_s)
@@ -255,7 +254,6 @@ class Simulator:
                 shift=grid.shift,
                 nodes=grid.nodes,
             )
-        self._cells = self._cells[:, self._order]
         soft_share = self._rub()
         damping = -math.expm1(-settings.damping_per_s * dt_s)
         undamped = undamped_motion(

@@ -21,6 +21,7 @@ from phys4dgen.mpm.kernels.layout import (
     VOLUME,
 )
 from phys4dgen.mpm.laws import NEO_HOOKEAN, Gradient, Law
+from phys4dgen.mpm.laws.elastic_strain import strains_of_gradient
 
 __all__ = ["ELASTIC_STRAIN", "REMEMBERED_STRETCH", "STRAIN_INDICES", "Particles"]
 
@@ -143,9 +144,10 @@ class Particles:
     def read(self, first: int, count: int) -> NDArray[np.float32]:
         """Columns ``first`` to ``first + count`` of the moving particles in the body's order, [M, count]."""
         index = self.body_index
-        places = np.flatnonzero(index >= 0)
-        places = places[np.argsort(index[places])]
-        return self.columns[first : first + count, places].T
+        real = np.flatnonzero(index >= 0)
+        places = np.zeros(int(self.moving[-1]) + 1, np.int64)
+        places[index[real]] = real
+        return np.take(self.columns[first : first + count], places[self.moving], axis=1).T
 
     def positions_m(self) -> NDArray[np.float64]:
         """Positions of the moving particles, metres, [M, 3]."""
@@ -170,7 +172,12 @@ class Particles:
             columns = self.columns[DISPLACEMENT_GRADIENT : DISPLACEMENT_GRADIENT + 9, places]
             far = np.flatnonzero(~(np.square(columns).sum(0) < _SURELY_WITHIN**2))
             F = columns[:, far].T.reshape(-1, 3, 3).astype(np.float64) + np.eye(3)
-            F[~np.isfinite(F).all((1, 2))] = np.eye(3)
+            broken = ~np.isfinite(F).all((1, 2))
+            F[broken] = np.eye(3)
+            least, greatest = REMEMBERED_STRETCH
+            strains = strains_of_gradient(F)
+            changes = broken | (strains < least**2 - 1).any(1) | (strains > greatest**2 - 1).any(1)
+            far, F = far[changes], F[changes]
             left, stretch, right = np.linalg.svd(F)
             limited = (left * np.clip(stretch, *REMEMBERED_STRETCH)[:, None, :]) @ right
             columns[:, far] = (limited - np.eye(3)).reshape(-1, 9).T

@@ -1,7 +1,8 @@
 """The stiffness of a body in the shape that it has: from displacements of the grid's nodes to forces on them.
 
-The operator is the engine's own: displacements are read and stresses are scattered by the particle pass that moves the
-film, so that what is balanced here is balanced there. Rotations do not count, for displacements are infinitely small.
+The operator is the engine's own particle pass for infinitely small displacements, so that what is balanced here is
+balanced there; but strands of matter that only come close to each other have nodes of their own (``strands``).
+Rotations do not count.
 
 Displacements are those that particles can pass on (``Stiffness.through_particles``): a node at the rim of a body, with
 next to no mass, follows the affine motion of the particles near it. On the nodes themselves the stiffness is all but
@@ -26,30 +27,17 @@ from phys4dgen.mpm.drives import DrivenNodes
 from phys4dgen.mpm.grid import Grid
 from phys4dgen.mpm.ground import origin_and_ground_node
 from phys4dgen.mpm.held import HeldNodes, with_simulated_skin
-from phys4dgen.mpm.kernels.compiled_pass import address_of_pass
 from phys4dgen.mpm.kernels.contact import STICKY
-from phys4dgen.mpm.kernels.layout import (
-    AFFINE,
-    FUSED,
-    GATHER_ONLY,
-    LAW_COLUMNS,
-    MASS,
-    POSITION,
-    SCATTER_ONLY,
-    VELOCITY,
-    VOLUME,
-)
+from phys4dgen.mpm.kernels.layout import MASS
 from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
-from phys4dgen.mpm.kernels.stiffness import put_on_grid, strain_and_scatter, take_from_grid
-from phys4dgen.mpm.laws import LAWS, NEO_HOOKEAN, LawId
+from phys4dgen.mpm.kernels.stiffness import to_nodes, to_particles
+from phys4dgen.mpm.laws import LAWS, LawId
 from phys4dgen.mpm.settings import Settings
 from phys4dgen.mpm.state import Particles
+from phys4dgen.mpm.strands import Strands
 from phys4dgen.mpm.velocity_fields import VelocityFields
 
 __all__ = ["Stiffness"]
-
-_SMALL = 1e-14
-"""Displacements are taken so many times smaller: a particle then moves by less than float32 can tell."""
 
 _LEAST_MASS = 1e-12  # as in the grid pass: lighter nodes carry no velocity
 _STIFF_POISSON_RATIO = 0.3
@@ -70,24 +58,20 @@ class Stiffness:
     def __init__(self, body: Body, settings: Settings) -> None:
         """Prepare; raises what ``Simulator`` raises for a body that starts below its ground."""
         dx_m = self._dx_m = settings.dx_m
-        self._inverse_dx = np.float32(1) / np.float32(dx_m)
         origin_m, ground_node = origin_and_ground_node(body, settings)
+        self._origin_m = origin_m
         places = (body.positions_m - origin_m) / dx_m
         held = HeldNodes.from_body(body, places, dx_m=dx_m, friction=settings.held_friction)
         self.body = changed_body(with_simulated_skin(body, held, places), settings.changes, 0.0)
         bears = np.isin(self.body.law, [int(law_id) for law_id, law in LAWS.items() if law.stretches is not None])
-        self._particles = particles = Particles(
-            _all_elastic(self.body, bears), origin_m=origin_m, chunks=settings.chunks
-        )
+        self._elastic = _all_elastic(self.body, bears)
+        self._particles = particles = Particles(self._elastic, origin_m=origin_m, chunks=settings.chunks)
         cells, extent = self._sort()
         fields = VelocityFields(particles.body_of_range)
         fields.assign(cells, particles.ranges)
         self._grid = grid = Grid(
             extent, chunks=settings.chunks, padding=settings.padding_cells, held=held, fields=fields.count
         )
-        _, self._bounds = grid.chunk_limits(cells, particles.ranges, extent, fields.of_range)
-        self._planes = fields.of_range * grid.nodes[0]
-        self._passes = np.array([address_of_pass(law) for law in particles.laws])
 
         still = [_glued_to_ground(settings, ground_node, grid)]
         still += _driven(body, particles, fields, settings, grid, origin_m)
@@ -103,14 +87,14 @@ class Stiffness:
             own = numbers[counts]
             lowest = cells[:, counts].T - grid.shift
             hangs[counts] = _hangs_on_something(lowest, field_of[counts], body_id[own], rigid_group[own], is_free)
-        mass = particles.columns[MASS].copy()
+        mass = particles.columns[MASS]
         whole = float(mass[counts].sum())
         self.hanging_share = float(mass[counts & ~hangs].sum()) / whole if whole > 0 else 0.0
         in_body = np.zeros(len(body), np.bool_)
         in_body[numbers[hangs]] = True
         self.carried = in_body & bears & self.body.is_soft
         if self.carried.any():
-            self._prepare_columns(mass, hangs, is_free, field_of)
+            self._prepare(cells, hangs, is_free, field_of)
 
     def _sort(self) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Put the particles in the order of their cells; their lowest nodes [3, stride] and what these span."""
@@ -118,7 +102,7 @@ class Stiffness:
         stride = particles.columns.shape[1]
         unseen = np.full((3, stride), NEVER_SEEN, np.int32)
         cells, extent = unseen.copy(), np.zeros(6, np.int64)
-        inspect_particles(particles.columns, unseen, self._inverse_dx, cells, extent)
+        inspect_particles(particles.columns, unseen, np.float32(1) / np.float32(self._dx_m), cells, extent)
         counts = np.zeros(int(np.prod(extent[1::2] - extent[0::2] + 1)) + 1, np.int32)
         order = np.zeros(stride, np.int32)
         for of_law in particles.ranges:
@@ -126,94 +110,93 @@ class Stiffness:
         particles.columns = np.ascontiguousarray(particles.columns[:, order])
         return cells[:, order], extent
 
-    def _prepare_columns(
-        self,
-        mass: NDArray[np.float32],
-        hangs: NDArray[np.bool_],
-        is_free: NDArray[np.bool_],
-        field_of: NDArray[np.int32],
+    def _prepare(
+        self, cells: NDArray[np.int32], hangs: NDArray[np.bool_], is_free: NDArray[np.bool_], field: NDArray[np.int32]
     ) -> None:
-        """One copy of the particles has stress without mass, one has mass without stress."""
-        columns = self._particles.columns
-        columns[VELOCITY : VELOCITY + 3], columns[AFFINE : AFFINE + 9] = 0, 0
-        columns[VOLUME] *= hangs
-        columns[MASS] = mass * hangs
-        node_count = is_free.size
-        self._places = 4 * np.arange(node_count)
-        everywhere = np.ones(node_count)
-        self._run(columns, SCATTER_ONLY)
-        weighing = self._taken(everywhere)[:, 3]
-        # masses are free in a static problem: with these waves are equally fast everywhere
-        smooth = columns.copy()
-        mu, lam = columns[LAW_COLUMNS : LAW_COLUMNS + 2]
-        smooth[MASS] = columns[VOLUME] * (lam + 2 * mu)
-        stiffest = max(float(smooth[MASS].max()), 1e-30)
-        smooth[MASS] /= stiffest
-        smooth[VOLUME] = 0
-        self._run(smooth, SCATTER_ONLY)
-        inertia = self._taken(everywhere)[:, 3]
-        columns[MASS] = 0
-        self._smooth = smooth
-        used = np.flatnonzero(inertia > 0)
-        self._places = 4 * used
-        self._free = (is_free.ravel()[used] & (inertia[used] > _LEAST_MASS)).astype(np.float64)
-        self._inverse_inertia = self._free / np.maximum(inertia[used], _LEAST_MASS)
-        self._mass = weighing[used]
-        self._per_force = self._dx_m**2 / (4 * stiffest)
-        places = columns[POSITION : POSITION + 3].T.astype(np.float64) / self._dx_m - self._grid.shift
-        moduli = np.stack([lam, mu]).astype(np.float64) * columns[VOLUME]
-        self._coarse = CoarseStiffness(used, is_free, places, field_of, moduli, self._dx_m)
+        """List the nodes of all particles that hang on something, and what these bring to them.
 
-    def _run(self, columns: NDArray[np.float32], stage: int) -> None:
-        grid, ranges = self._grid, self._particles.ranges
-        strain_and_scatter(
-            self._passes,
-            stage,
-            columns,
-            ranges,
-            self._planes,
-            grid.velocity,
-            grid.momentum,
-            grid.numbers,
-            self._bounds,
-            self._inverse_dx,
-            np.zeros((0, 4), np.float32),
-            LAW_COLUMNS + len(NEO_HOOKEAN.parameters),
+        Args:
+            cells: lowest node of each column of the particles, int32 [3, stride].
+            hangs: columns that count.
+            is_free: nodes of all fields.
+            field: of each column.
+        """
+        particles, grid, dx_m = self._particles, self._grid, self._dx_m
+        columns = np.flatnonzero(hangs & (particles.body_index >= 0))
+        own = self._own = particles.numbers[columns]
+        lowest = cells[:, columns].T.astype(np.int64) - grid.shift
+        places = (self.body.positions_m[own] - self._origin_m) / dx_m - grid.shift
+        self._offsets = places - lowest - 1
+        self._weights = np.stack(
+            [0.5 * (0.5 - self._offsets) ** 2, 0.75 - self._offsets**2, 0.5 * (0.5 + self._offsets) ** 2], 1
         )
+        around = lowest[:, None] + np.array(list(product(range(3), repeat=3)))
+        nodes = np.ravel_multi_index((field[columns][:, None], *np.moveaxis(around, 2, 0)), is_free.shape)
+        self._strands = strands = Strands(nodes, places, is_free.ravel())
+        elastic = self._elastic
+        volume_m3 = elastic.volume_m3[own]
+        lame = np.stack([elastic.lame_lambda_pa[own], elastic.lame_mu_pa[own]], 1) * volume_m3[:, None]
+        # masses are free in a static problem: with these waves are equally fast everywhere
+        inertia = lame @ np.array([1.0, 2.0])
+        stiffest = max(float(inertia.max()), 1e-300)
+        nothing = np.zeros_like(inertia)
+        self._elasticity = nothing, lame
+        self._inertia = inertia / stiffest, np.zeros_like(lame)
+        self._reading = np.ones_like(nothing), np.zeros_like(lame)
+        self._carried = np.zeros((len(own), 12))
+        everywhere = np.ones(len(strands.node))
+        self._mass_kg = self._to_nodes(self.body.mass_kg[own], everywhere)
+        inertia = self._to_nodes(inertia / stiffest, everywhere)
+        self._free = (is_free.ravel()[strands.node] & (inertia > _LEAST_MASS)).astype(np.float64)
+        self._inverse_inertia = self._free / np.maximum(inertia, _LEAST_MASS)
+        self._per_force = dx_m**2 / (4 * stiffest)
+        self._coarse = CoarseStiffness(strands.node, is_free, places, field[columns], lame.T.copy(), dx_m)
 
-    def _taken(self, factors: NDArray[np.float64]) -> NDArray[np.float64]:
-        sums = np.zeros((len(self._places), 4))
-        take_from_grid(self._grid.momentum, self._places, factors, sums)
-        return sums
+    def _to_nodes(self, amounts: NDArray[np.float64], factors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What particles give of their amounts [K] to the nodes, times factors, [n]."""
+        self._carried[:] = 0
+        self._carried[:, 0] = amounts
+        return self._collected(factors)[:, 0]
+
+    def _collected(self, factors: NDArray[np.float64]) -> NDArray[np.float64]:
+        strands, result = self._strands, np.zeros((len(factors), 3))
+        to_nodes(self._carried, strands.order, strands.starts, self._weights, self._offsets, factors, result)
+        return result
+
+    def _read(
+        self, values: NDArray[np.float64], kind: tuple[NDArray[np.float64], NDArray[np.float64]]
+    ) -> NDArray[np.float64]:
+        mass, lame = kind
+        to_particles(
+            values, self._strands.copies, self._weights, self._offsets, mass, lame, 1 / self._dx_m, self._carried
+        )
+        return self._carried
 
     def weight(self, gravity_ms2: tuple[float, float, float]) -> NDArray[np.float64]:
-        """The weight at each node, [n, 3]."""
-        return (self._mass * self._free)[:, None] * (_SMALL * np.array(gravity_ms2))
+        """The weight at each node, N, [n, 3]."""
+        return (self._mass_kg * self._free)[:, None] * np.array(gravity_ms2)
 
     def forces(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What holds the nodes at displacements [n, 3]: K u, [n, 3]."""
-        put_on_grid(displacements, self._free, self._places, self._grid.velocity)
-        self._run(self._particles.columns, FUSED)
-        return self._taken(-self._free)[:, :3]
+        """What holds the nodes at displacements [n, 3] in metres: K u, N, [n, 3]."""
+        self._read(displacements * self._free[:, None], self._elasticity)
+        return self._collected(self._free)
 
     def through_particles(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
         """The motion that forces [n, 3] begin, as particles take it up and give it back, [n, 3].
 
         With masses for which waves are equally fast everywhere; symmetric and positive, so a preconditioner.
         """
-        put_on_grid(forces, self._inverse_inertia, self._places, self._grid.velocity)
-        self._run(self._smooth, FUSED)
-        return self._per_force * self._taken(self._inverse_inertia)[:, :3] + self._coarse.answer(forces)
+        self._read(forces * self._inverse_inertia[:, None], self._inertia)
+        return self._per_force * self._collected(self._inverse_inertia) + self._coarse.answer(forces)
 
     def particles_at(self, displacements: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Displacement [P, 3] in metres and strain [P, 3, 3] of all particles; zero where they are not carried."""
-        put_on_grid(displacements, self._free, self._places, self._grid.velocity)
-        self._run(self._particles.columns, GATHER_ONLY)
+        read = self._read(displacements * self._free[:, None], self._reading)
+        mine = self.carried[self._own]
         moved, strains = np.zeros((len(self.body), 3)), np.zeros((len(self.body), 3, 3))
-        moving, mine = self._particles.moving, self.carried[self._particles.moving]
-        moved[moving[mine]] = self._particles.velocities_ms()[mine] / _SMALL
-        gradients = self._particles.affine_per_s()[mine].astype(np.float64) / _SMALL
-        strains[moving[mine]] = (gradients + np.swapaxes(gradients, 1, 2)) / 2
+        moved[self._own[mine]] = read[mine, :3]
+        gradients = read[mine, 3:].reshape(-1, 3, 3) / self._dx_m
+        strains[self._own[mine]] = (gradients + np.swapaxes(gradients, 1, 2)) / 2
         return moved, strains
 
 

@@ -1,8 +1,7 @@
-"""Particles at rest as a linear operator on the displacements of the grid, with the particle pass of the engine.
+"""Particles at rest as a linear operator on displacements of the grid, and nodes that are parted between strands.
 
-Displacements stand in the place of velocities, with a substep of one second: the pass reads their gradient back, which
-becomes the deformation gradient, and what it gives to the grid is the impulse of the stress. They are so small that
-every law is linear and that no particle moves by as much as a bit (``stiffness.Stiffness``).
+What one step of the particle pass does to small displacements, in float64 and with the nodes of each particle listed,
+so that two strands of matter can have copies of a node that do not know of each other.
 """
 
 from __future__ import annotations
@@ -10,77 +9,135 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from phys4dgen.mpm.kernels.compiled_pass import call_pass
-from phys4dgen.mpm.kernels.layout import DISPLACEMENT_GRADIENT, SCATTER_ONLY, parallel_kernel, strict_kernel
+from phys4dgen.mpm.kernels.layout import parallel_kernel, strict_kernel
 
-__all__ = ["put_on_grid", "strain_and_scatter", "take_from_grid"]
+__all__ = ["part_nodes", "to_nodes", "to_particles"]
+
+
+@strict_kernel
+def part_nodes(order, starts, places, reach, loose, copies):
+    """Number the copies of all nodes: particles around a node share one where near ones join them, link by link.
+
+    Args:
+        order: entries (27 times a particle, plus which of its nodes) by node, int64 [27 K].
+        starts: first entry of each node in ``order``, and their number, int64 [N + 1].
+        places: of the particles, in cells, [K, 3].
+        reach: distance of near ones, cells.
+        loose: particles that join all others around a node, bool [K].
+        copies: result, the copy that each entry takes part in, numbered node by node, int32 [27 K].
+
+    Returns:
+        Number of copies.
+    """
+    most = 0
+    for node in range(len(starts) - 1):
+        most = max(most, starts[node + 1] - starts[node])
+    root, number = np.zeros(most, np.int64), np.zeros(most, np.int64)
+    count = 0
+    for node in range(len(starts) - 1):
+        first = starts[node]
+        size = starts[node + 1] - first
+        for a in range(size):
+            root[a] = a
+        groups = size
+        for a in range(size):
+            if groups == 1:
+                break
+            p = order[first + a] // 27
+            for b in range(a):
+                q = order[first + b] // 27
+                far = 0.0
+                for axis in range(3):
+                    far += (places[p, axis] - places[q, axis]) ** 2
+                if far > reach * reach and not loose[p] and not loose[q]:
+                    continue
+                of_a, of_b = a, b
+                while root[of_a] != of_a:
+                    of_a = root[of_a]
+                while root[of_b] != of_b:
+                    of_b = root[of_b]
+                if of_a != of_b:
+                    root[max(of_a, of_b)] = min(of_a, of_b)
+                    groups -= 1
+        for a in range(size):
+            of_a = a
+            while root[of_a] != of_a:
+                of_a = root[of_a]
+            if of_a == a:
+                number[a] = count
+                count += 1
+            copies[order[first + a]] = number[of_a]
+    return count
 
 
 @parallel_kernel
-def strain_and_scatter(
-    passes, stage, particles, ranges, planes, velocity, momentum, grid, bounds, inverse_dx, kicks, rest_column
-):
-    """One pass over all particles, each strained by the displacements on the grid from nothing.
+def to_particles(values, copies, weights, offsets, mass, lame, inverse_dx, carried):
+    """Read displacements of the nodes, and what each particle gives back for them.
 
     Args:
-        passes: address of the particle pass of each range (``address_of_pass``), int64 [ranges].
-        stage: of the pass: SCATTER_ONLY what the particles have, FUSED read and scatter, GATHER_ONLY read and keep.
-        particles: the columns of ``layout``, sorted by cell, float32 [columns, stride].
-        ranges: first and one past last particle of each range in each chunk, int64 [ranges, chunks, 2].
-        planes: first plane of each range's velocity field, int64 [ranges].
-        velocity: displacements (x, y, z, .) per node, m, flat float32.
-        momentum: private grids, float32 [chunks, ..]; added to.
-        grid: (shift_x, shift_y, shift_z, ny, nz).
-        bounds: permitted lowest nodes, int32 [ranges, chunks, 6].
-        inverse_dx: cells per metre, float32.
-        kicks: [0, 4], float32.
-        rest_column: first of nine that hold what rounding took from the deformation gradient.
+        values: displacement of each copy of a node, m, [n, 3].
+        copies: the 27 copies that a particle takes part in, int32 [K, 27].
+        weights: quadratic B-spline weights, [K, 3 nodes, 3 axes].
+        offsets: of each particle from its central node, in cells, [K, 3].
+        mass: any factor of the motion itself, [K].
+        lame: lambda and mu times the volume, [K, 2].
+        inverse_dx: cells per metre.
+        carried: result: mass times displacement, then mass times dx times its gradient plus 4 V sigma / dx, [K, 12].
     """
-    flat = particles.ravel()
-    stride = particles.shape[1]
-    for chunk in prange(ranges.shape[1]):
-        for number in range(len(passes)):
-            first, last = ranges[number, chunk]
-            if stage != SCATTER_ONLY:
-                particles[DISPLACEMENT_GRADIENT : DISPLACEMENT_GRADIENT + 9, first:last] = 0
-                particles[rest_column : rest_column + 9, first:last] = 0
-            own_grid = (grid[0] - planes[number], grid[1], grid[2], grid[3], grid[4])
-            call_pass(
-                passes[number], stage, first, last, flat, stride, velocity, momentum[chunk], own_grid,
-                bounds[number, chunk], inverse_dx, np.float32(1), kicks,
-            )  # fmt: skip
+    for p in prange(len(copies)):
+        v0 = v1 = v2 = 0.0
+        g00 = g01 = g02 = g10 = g11 = g12 = g20 = g21 = g22 = 0.0
+        for i in range(3):
+            x = i - 1 - offsets[p, 0]
+            for j in range(3):
+                y = j - 1 - offsets[p, 1]
+                plane = weights[p, i, 0] * weights[p, j, 1]
+                for k in range(3):
+                    z = k - 1 - offsets[p, 2]
+                    w = plane * weights[p, k, 2]
+                    at = copies[p, 9 * i + 3 * j + k]
+                    u0, u1, u2 = w * values[at, 0], w * values[at, 1], w * values[at, 2]
+                    v0, v1, v2 = v0 + u0, v1 + u1, v2 + u2
+                    g00, g01, g02 = g00 + u0 * x, g01 + u0 * y, g02 + u0 * z
+                    g10, g11, g12 = g10 + u1 * x, g11 + u1 * y, g12 + u1 * z
+                    g20, g21, g22 = g20 + u2 * x, g21 + u2 * y, g22 + u2 * z
+        m, stress = 4 * mass[p], 16 * inverse_dx * inverse_dx
+        lam, mu = stress * lame[p, 0], stress * lame[p, 1]
+        pressure = lam * (g00 + g11 + g22)
+        carried[p, 0], carried[p, 1], carried[p, 2] = mass[p] * v0, mass[p] * v1, mass[p] * v2
+        carried[p, 3] = m * g00 + 2 * mu * g00 + pressure
+        carried[p, 4] = m * g01 + mu * (g01 + g10)
+        carried[p, 5] = m * g02 + mu * (g02 + g20)
+        carried[p, 6] = m * g10 + mu * (g01 + g10)
+        carried[p, 7] = m * g11 + 2 * mu * g11 + pressure
+        carried[p, 8] = m * g12 + mu * (g12 + g21)
+        carried[p, 9] = m * g20 + mu * (g02 + g20)
+        carried[p, 10] = m * g21 + mu * (g12 + g21)
+        carried[p, 11] = m * g22 + 2 * mu * g22 + pressure
 
 
-@strict_kernel
-def put_on_grid(values, factors, places, velocity):
-    """Set the first three numbers at each of n nodes to values [n, 3] times factors [n].
+@parallel_kernel
+def to_nodes(carried, order, starts, weights, offsets, factors, result):
+    """What the particles give to each copy of a node, in an order that does not depend on threads.
 
     Args:
-        values: one vector per node.
-        factors: one number per node.
-        places: where the node stands in the grid, int64 [n].
-        velocity: result, flat float32.
+        carried: from ``to_particles``, [K, 12].
+        order: entries by copy, int64 [27 K].
+        starts: first entry of each copy in ``order``, and their number, int64 [n + 1].
+        weights: as there.
+        offsets: as there.
+        factors: one number per copy, [n].
+        result: [n, 3].
     """
-    for i in range(len(places)):
-        for axis in range(3):
-            velocity[places[i] + axis] = values[i, axis] * factors[i]
-
-
-@strict_kernel
-def take_from_grid(momentum, places, factors, sums):
-    """Sum what the chunks gave to each of n nodes, times factors [n], and set it to zero again.
-
-    Args:
-        momentum: private grids, float32 [chunks, ..].
-        places: where the node stands in a private grid, int64 [n].
-        factors: one number per node.
-        sums: result, three components and mass, float64 [n, 4].
-    """
-    for i in range(len(places)):
-        for component in range(4):
-            at = places[i] + component
-            total = 0.0
-            for chunk in range(momentum.shape[0]):
-                total += momentum[chunk, at]
-                momentum[chunk, at] = 0
-            sums[i, component] = total * factors[i]
+    for at in prange(len(starts) - 1):
+        r0 = r1 = r2 = 0.0
+        if factors[at] != 0:
+            for entry in range(starts[at], starts[at + 1]):
+                p, node = order[entry] // 27, order[entry] % 27
+                i, j, k = node // 9, node // 3 % 3, node % 3
+                w = weights[p, i, 0] * weights[p, j, 1] * weights[p, k, 2]
+                x, y, z = i - 1 - offsets[p, 0], j - 1 - offsets[p, 1], k - 1 - offsets[p, 2]
+                r0 += w * (carried[p, 0] + carried[p, 3] * x + carried[p, 4] * y + carried[p, 5] * z)
+                r1 += w * (carried[p, 1] + carried[p, 6] * x + carried[p, 7] * y + carried[p, 8] * z)
+                r2 += w * (carried[p, 2] + carried[p, 9] * x + carried[p, 10] * y + carried[p, 11] * z)
+        result[at, 0], result[at, 1], result[at, 2] = factors[at] * r0, factors[at] * r1, factors[at] * r2

@@ -41,9 +41,11 @@ from phys4dgen.mpm.laws.elastic_strain import (
     STRAIN_STATE,
     advanced,
     deviator,
+    hencky,
     hencky_energy_pa,
     hencky_strains,
-    principal_hencky,
+    opened,
+    recomposed,
     settled,
     tau_of_hencky,
 )
@@ -65,9 +67,7 @@ def response(h, c, dt, parameters, state):
     mu, lam, slope, cohesion = parameters
     e, rest = advanced(state[0:12], c, dt)
     gap = state[12]
-    (e0, e1, e2), axes = principal_hencky(e)
-    third = gap * _f(1 / 3)
-    trace, (d0, d1, d2), norm = deviator((e0 + third, e1 + third, e2 + third))
+    trace, deviators, norm = deviator(opened(hencky(e), gap))
     zero, one = like(mu, _f(0)), like(mu, _f(1))
     was_open = gap > zero
     shifted = trace - where(was_open, zero, cohesion)
@@ -76,9 +76,9 @@ def response(h, c, dt, parameters, state):
     slides = excess > zero
     keep = where(torn, zero, where(slides, one - excess / maximum(norm, like(norm, _f(1e-20))), one))
     mean = where(torn, zero, trace * _f(1 / 3))
-    eps = (mean + keep * d0, mean + keep * d1, mean + keep * d2)
-    kept = settled(torn | slides | was_open, eps, axes, e, rest)
-    return tau_of_hencky(eps, axes, mu, lam), (*kept, where(torn, trace, zero))
+    eps = recomposed(mean, keep, deviators)
+    kept = settled(torn | slides | was_open, eps, e, rest)
+    return tau_of_hencky(eps, mu, lam), (*kept, where(torn, trace, zero))
 
 
 def energy_density_pa(

@@ -14,8 +14,13 @@ Energy per rest volume and Kirchhoff stress, in the principal axes of b = F F^T:
 | mu, lam | Lame parameters                                     | Pa   |
 | tau_i   | principal Kirchhoff stresses                        | Pa   |
 
-No singular value decomposition is needed: the law is isotropic, so tau shares the eigenvectors of b. Stretches count as
-0.05 to 20.
+No singular value decomposition is needed: the law is isotropic, so tau shares the eigenvectors of b, and with the left
+stretch V = sqrt(b)
+
+    tau = 2 mu (b - V) + lam J (J - 1) I,   J = sqrt(det b).
+
+Where b - I is small in all particles of a batch, V comes from a rational function of b (``root1p_near_zero``), else
+from eigenvectors; stretches then count as 0.05 to 20.
 
 Source: A. Stomakhin et al., *Energetically consistent invertible elasticity*, SCA 2012, eq. 5-6. Paper: Sec. C.2.
 """
@@ -27,11 +32,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.mpm.laws.elastic_strain import of_gradient, principal_strains, strains_of_gradient
+from phys4dgen.mpm.laws.elastic_strain import NEAR_ZERO, of_gradient, principal_strains, strains_of_gradient
 from phys4dgen.mpm.laws.law import Law, LawId, register
-from phys4dgen.vector.lanes import sqrt
+from phys4dgen.vector.lanes import any_lane, like, sqrt
 from phys4dgen.vector.math import inline
 from phys4dgen.vector.matrix import symmetric_from_eigen
+from phys4dgen.vector.matrix_functions import powers, root1p_near_zero, squared_norm
 
 __all__ = ["FIXED_COROTATED", "corotated_energy_pa", "corotated_stress", "energy_density_pa", "response", "stretches"]
 
@@ -60,8 +66,28 @@ def corotated_stress(strains, axes, mu, lam):
 def response(h, c, dt, parameters, state):
     """(tau, state); see ``Law.response``. Parameters mu, lam; no state."""
     mu, lam = parameters
-    strains, axes = principal_strains(of_gradient(h))
-    return corotated_stress(strains, axes, mu, lam), state
+    e = of_gradient(h)
+    if any_lane(squared_norm(e) > like(e[0], NEAR_ZERO * NEAR_ZERO)):
+        strains, axes = principal_strains(e)
+        tau = corotated_stress(strains, axes, mu, lam)
+    else:
+        squared, invariants = powers(e)
+        first, second, third = invariants
+        grown = first + second + third  # det b - 1
+        growth = grown / (_1 + sqrt(_1 + grown))  # J - 1
+        volumetric = lam * (_1 + growth) * growth
+        x, xy, xz, y, yz, z = e
+        dx, dxy, dxz, dy, dyz, dz = root1p_near_zero(e, squared, invariants)  # V - I
+        m = mu + mu
+        tau = (
+            m * (x - dx) + volumetric,
+            m * (xy - dxy),
+            m * (xz - dxz),
+            m * (y - dy) + volumetric,
+            m * (yz - dyz),
+            m * (z - dz) + volumetric,
+        )
+    return tau, state
 
 
 def corotated_energy_pa(strains: NDArray[Any], mu: NDArray[Any], lam: NDArray[Any]) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ from phys4dgen.mpm.laws.elastic_strain import (
     advanced,
     hencky_strains,
     principal_strains,
-    settled_strains,
+    settled_principal,
 )
 from phys4dgen.mpm.laws.fixed_corotated import corotated_energy_pa, corotated_stress
 from phys4dgen.mpm.laws.law import Gradient, Law, LawId, register
@@ -66,7 +66,7 @@ def response(h, c, dt, parameters, state):
         plastic = where(yields, minimum(maximum(grown, like(grown, _LOW)), like(grown, _HIGH)), plastic)
     hardness = minimum(exp(-xi * plastic), like(plastic, np.float32(_HARDEST)))
     tau = corotated_stress((n0, n1, n2), axes, hardness * mu, hardness * lam)
-    return tau, (*settled_strains(yields, (n0, n1, n2), axes, e, rest), plastic)
+    return tau, (*settled_principal(yields, (n0, n1, n2), axes, e, rest), plastic)
 
 
 def _hardness(parameters: NDArray[np.float64], state: NDArray[np.float64]) -> NDArray[np.float64]:

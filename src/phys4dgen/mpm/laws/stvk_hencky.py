@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.mpm.laws.elastic_strain import (
+    hencky,
     hencky_energy_pa,
     hencky_stretches,
     of_gradient,
-    principal_hencky,
     strains_of_gradient,
     tau_of_hencky,
 )
@@ -44,8 +44,7 @@ __all__ = ["STVK_HENCKY", "energy_density_pa", "response"]
 def response(h, c, dt, parameters, state):
     """(tau, state); see ``Law.response``. Parameters mu, lam; no state."""
     mu, lam = parameters
-    eps, axes = principal_hencky(of_gradient(h))
-    return tau_of_hencky(eps, axes, mu, lam), state
+    return tau_of_hencky(hencky(of_gradient(h)), mu, lam), state
 
 
 def energy_density_pa(

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from phys4dgen.mpm.laws.elastic_strain import (
     advanced,
     deviator,
+    hencky,
     hencky_energy_pa,
     hencky_strains,
-    principal_hencky,
+    recomposed,
     settled,
     tau_of_hencky,
 )
@@ -34,20 +35,18 @@ _f = np.float32
 def trial(mu, c, dt, state):
     """(stress, compliance, trial state) before the flow: lanes s and 2 mu' dt, and what ``relaxed`` needs."""
     e, rest = advanced(state, c, dt)
-    eps, axes = principal_hencky(e)
-    trace, deviators, norm = deviator(eps)
+    trace, deviators, norm = deviator(hencky(e))
     # tr b = 3 + tr E
     compliance = _f(2 / 3) * mu * dt * (_f(3) + e[0] + e[3] + e[5])
-    return (mu + mu) * norm, compliance, (e, rest, axes, trace, deviators)
+    return (mu + mu) * norm, compliance, (e, rest, trace, deviators)
 
 
 @inline
 def relaxed(flows, keep, before, mu, lam):
     """(tau, state) after a flow that keeps a share of the deviator where ``flows``."""
-    e, rest, axes, trace, (d0, d1, d2) = before
-    mean = trace * _f(1 / 3)
-    eps = (mean + keep * d0, mean + keep * d1, mean + keep * d2)
-    return tau_of_hencky(eps, axes, mu, lam), settled(flows, eps, axes, e, rest)
+    e, rest, trace, deviators = before
+    eps = recomposed(trace * _f(1 / 3), keep, deviators)
+    return tau_of_hencky(eps, mu, lam), settled(flows, eps, e, rest)
 
 
 def energy_density_pa(

@@ -38,10 +38,12 @@ from phys4dgen.mpm.laws.elastic_strain import (
     STRAIN_STATE,
     advanced,
     deviator,
+    hencky,
     hencky_energy_pa,
     hencky_strains,
     hencky_stretches,
-    principal_hencky,
+    opened,
+    recomposed,
     settled,
     tau_of_hencky,
 )
@@ -64,9 +66,7 @@ def response(h, c, dt, parameters, state):
     mu, lam, radius, rise, least = parameters
     e, rest = advanced(state[0:12], c, dt)
     flow, opening = state[12], state[13]
-    (e0, e1, e2), axes = principal_hencky(e)
-    gap = opening * _f(1 / 3)
-    trace, (d0, d1, d2), norm = deviator((e0 + gap, e1 + gap, e2 + gap))
+    trace, deviators, norm = deviator(opened(hencky(e), opening))
     zero = like(mu, _f(0))
     double_mu = mu + mu
     stress = double_mu * norm
@@ -81,9 +81,9 @@ def response(h, c, dt, parameters, state):
     mean = where(torn, zero, trace * _f(1 / 3))
     was_open = opening > _f(0)
     opening = where(torn, trace, zero)
-    eps = (mean + keep * d0, mean + keep * d1, mean + keep * d2)
-    kept = settled(flows | torn | was_open, eps, axes, e, rest)
-    return tau_of_hencky(eps, axes, mu, lam), (*kept, flow, opening)
+    eps = recomposed(mean, keep, deviators)
+    kept = settled(flows | torn | was_open, eps, e, rest)
+    return tau_of_hencky(eps, mu, lam), (*kept, flow, opening)
 
 
 def energy_density_pa(
