@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from phys4dgen.errors import SceneError, SimulationError
-from phys4dgen.progress import SILENT
+from phys4dgen.materials import find_entry
+from phys4dgen.progress import SILENT, SilentProgress
 from phys4dgen.scene.model import validated_scene
 from phys4dgen.stages.asset import Asset
 from phys4dgen.stages.motion_plan import plan_motion
@@ -24,6 +25,15 @@ def _box(low, high):
 FOOT, POST = ((-0.05, -0.05, 0.0), (0.05, 0.05, 0.025)), ((-0.0125, -0.0125, 0.025), (0.0125, 0.0125, 0.2))
 SOFT = {"youngs_modulus_pa": 5e4, "density_kgm3": 300.0}
 STEEL = {"youngs_modulus_pa": 2e11, "density_kgm3": 7860.0}
+
+
+def _book(**parts):
+    """Materials by part; numbers that the user wrote, unless they say another source."""
+    book = {}
+    for name, values in parts.items():
+        material = Material(**{"name": name, "law": "neo_hookean", "poisson_ratio": 0.2, "source": "user", **values})
+        book[name] = PartMaterials(material, material)
+    return MaterialBook(book)
 
 
 @pytest.fixture
@@ -50,13 +60,9 @@ def plan(random_gaussians):
     asset = Asset(gaussians, FRAME, np.array([-0.05, -0.05, 0]), np.array([0.05, 0.05, 0.2]), CELL_M)
 
     def make(keys, *, foot=SOFT, post=SOFT):
-        materials = {}
-        for name, values in (("foot", foot), ("post", post)):
-            material = Material(name=name, law="neo_hookean", poisson_ratio=0.2, source="user", **values)
-            materials[name] = PartMaterials(material, material)
         tree = {"input": "post.ply", "simulation": {"grid": 16, "chunks": 1}, **keys}
         scene = validated_scene(tree, source="test", places={})
-        return plan_motion(scene, asset, parts, continuum, MaterialBook(materials), SILENT)
+        return plan_motion(scene, asset, parts, continuum, _book(foot=foot, post=post), SILENT)
 
     return make
 
@@ -265,13 +271,14 @@ def test_obstacles_stand_where_the_scene_says(plan):
     assert min(inside) == pytest.approx(0.1, abs=0.004)  # its floor lies under the object
 
 
-def _prestressed(plan, keys):
-    found = plan({"motion": {"preset": "rest"}, **keys})
+def _prestressed(plan, keys, *, progress=SILENT, **materials):
+    found = plan({"motion": {"preset": "rest"}, **keys}, **materials)
     tree = {"input": "post.ply", "simulation": {"grid": 16, "chunks": 1}, "motion": {"preset": "rest"}, **keys}
     scene = validated_scene(tree, source="test", places={})
     asset = Asset(None, FRAME, np.array([-0.05, -0.05, 0]), np.array([0.05, 0.05, 0.2]), CELL_M)
     parts = Parts(np.arange(2, dtype=np.int32), ("foot", "post"), "test")
-    return with_prestress(scene, asset, parts, found, SILENT)
+    book = _book(**{"foot": SOFT, "post": SOFT, **materials})
+    return with_prestress(scene, asset, parts, book, found, progress)
 
 
 def test_what_is_held_carries_its_weight_where_gravity_is_on(plan):
@@ -295,6 +302,69 @@ def test_what_is_too_soft_to_stand_gets_a_prestress_only_where_that_is_asked_for
     assert soft.assembly.body.initial_gradients is None
     asked = _prestressed(plan, {**held, "prestress": "on"})
     assert asked.facts.prestress.sag_m == pytest.approx(sag_m)
+
+
+class Said(SilentProgress):
+    """Keeps the warnings."""
+
+    def __init__(self):
+        self.warnings = []
+
+    def warn(self, text):
+        self.warnings.append(text)
+
+
+HELD = {"gravity": "on", "parts": {"foot": {"hold": "fixed"}}}
+GUESSED = {"youngs_modulus_pa": 4e3, "density_kgm3": 300.0, "source": "rule"}
+
+
+def test_what_would_sag_too_much_is_as_stiff_as_its_standing_takes(plan):
+    said = Said()
+    own = _prestressed(plan, {**HELD, "prestress": "on"}, post={**GUESSED, "source": "user"})
+    found = _prestressed(plan, HELD, post=GUESSED, progress=said)
+    facts = found.facts.prestress
+    times = own.facts.prestress.sag_m / (0.03 * 0.2)
+    assert times > 1.2
+    assert facts.stiffer_times == pytest.approx(times, rel=0.02)
+    assert facts.sag_m == pytest.approx(0.03 * 0.2)
+    assert (facts.stiffer_parts, facts.sag_as_given_m) == (("post",), pytest.approx(times * facts.sag_m))
+    body = found.assembly.body
+    np.testing.assert_allclose(body.youngs_modulus_pa[body.part == 1], facts.stiffer_times * 4e3)
+    np.testing.assert_allclose(body.youngs_modulus_pa[body.part == 0], 5e4)
+    (warning,) = said.warnings
+    assert f"post now with {facts.stiffer_times:.2g} times the Young's modulus" in warning
+    again = _prestressed(plan, HELD, post={**GUESSED, "youngs_modulus_pa": 4e3 * facts.stiffer_times, "source": "user"})
+    assert again.facts.prestress.stiffer_times == 1
+    np.testing.assert_allclose(
+        body.initial_gradients, again.assembly.body.initial_gradients, atol=0.03 * facts.largest_strain
+    )
+
+
+def test_a_modulus_that_the_user_wrote_is_kept(plan):
+    said = Said()
+    found = _prestressed(plan, HELD, post={**GUESSED, "source": "user"}, progress=said)
+    assert found.facts.prestress.stiffer_times == 1
+    assert found.facts.prestress.stiffer_parts == ()
+    assert found.facts.prestress.sag_m > 0.03 * 0.2
+    assert not any("times the Young's modulus" in warning for warning in said.warnings)
+    np.testing.assert_allclose(found.assembly.body.youngs_modulus_pa[found.assembly.body.part == 1], 4e3)
+
+
+def test_a_library_material_that_the_user_named_may_be_stiffer(plan):
+    foam = {"name": "foam", "youngs_modulus_pa": 5e4, "density_kgm3": 4000.0}
+    assert find_entry("foam").youngs_modulus_pa.value == 5e4
+    facts = _prestressed(plan, HELD, post=foam).facts.prestress
+    assert facts.stiffer_parts == ("post",)
+
+
+def test_no_guess_is_wrong_by_more_than_ten_times(plan):
+    said = Said()
+    soft = {**GUESSED, "youngs_modulus_pa": 150.0}
+    found = _prestressed(plan, HELD, post=soft, progress=said)
+    assert found.facts.prestress is None
+    np.testing.assert_allclose(found.assembly.body.youngs_modulus_pa[found.assembly.body.part == 1], 150.0)
+    (warning,) = said.warnings
+    assert "even 10 times as stiff as their materials usually are" in warning
 
 
 def test_a_prestress_that_cannot_be_is_refused(plan):

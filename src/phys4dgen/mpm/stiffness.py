@@ -144,23 +144,22 @@ class Stiffness:
         self._inertia = inertia / stiffest, np.zeros_like(lame)
         self._reading = np.ones_like(nothing), np.zeros_like(lame)
         self._carried = np.zeros((len(own), 12))
-        everywhere = np.ones(len(strands.node))
-        self._mass_kg = self._to_nodes(self.body.mass_kg[own], everywhere)
-        inertia = self._to_nodes(inertia / stiffest, everywhere)
+        self._mass_kg = self._to_nodes(self.body.mass_kg[own])
+        inertia = self._to_nodes(inertia / stiffest)
         self._free = (is_free.ravel()[strands.node] & (inertia > _LEAST_MASS)).astype(np.float64)
         self._inverse_inertia = self._free / np.maximum(inertia, _LEAST_MASS)
         self._per_force = dx_m**2 / (4 * stiffest)
         self._coarse = CoarseStiffness(strands.node, is_free, places, field[columns], lame.T.copy(), dx_m)
 
-    def _to_nodes(self, amounts: NDArray[np.float64], factors: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What particles give of their amounts [K] to the nodes, times factors, [n]."""
+    def _to_nodes(self, amounts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What particles give of their amounts [K] to the nodes, [n]."""
         self._carried[:] = 0
         self._carried[:, 0] = amounts
-        return self._collected(factors)[:, 0]
+        return self._collected()[:, 0]
 
-    def _collected(self, factors: NDArray[np.float64]) -> NDArray[np.float64]:
-        strands, result = self._strands, np.zeros((len(factors), 3))
-        to_nodes(self._carried, strands.order, strands.starts, self._weights, self._offsets, factors, result)
+    def _collected(self) -> NDArray[np.float64]:
+        result = np.zeros((len(self._strands.node), 3))
+        to_nodes(self._carried, self._strands.copies, self._weights, self._offsets, result)
         return result
 
     def _read(
@@ -179,7 +178,7 @@ class Stiffness:
     def forces(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
         """What holds the nodes at displacements [n, 3] in metres: K u, N, [n, 3]."""
         self._read(displacements * self._free[:, None], self._elasticity)
-        return self._collected(self._free)
+        return self._free[:, None] * self._collected()
 
     def through_particles(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
         """The motion that forces [n, 3] begin, as particles take it up and give it back, [n, 3].
@@ -187,7 +186,8 @@ class Stiffness:
         With masses for which waves are equally fast everywhere; symmetric and positive, so a preconditioner.
         """
         self._read(forces * self._inverse_inertia[:, None], self._inertia)
-        return self._per_force * self._collected(self._inverse_inertia) + self._coarse.answer(forces)
+        answer = self._inverse_inertia[:, None] * self._collected()
+        return self._per_force * answer + self._coarse.answer(forces)
 
     def particles_at(self, displacements: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Displacement [P, 3] in metres and strain [P, 3, 3] of all particles; zero where they are not carried."""

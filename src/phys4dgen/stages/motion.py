@@ -56,7 +56,7 @@ def move(
     continuum = settled_thickness(scene, asset, parts, interior.continuum, book)
     plan = plan_motion(scene, asset, parts, continuum, book, progress)
     _tell_what_differs(scene, asset, parts, continuum, plan, progress)
-    plan = with_prestress(scene, asset, parts, plan, progress)
+    plan = with_prestress(scene, asset, parts, book, plan, progress)
     held, assembly, facts = plan.held, plan.assembly, plan.facts
     if scene.paper_scale is not None:
         tell_courant_numbers(asset, book, progress)

@@ -33,11 +33,14 @@ class Prestressing:
 
     Attributes:
         largest_strain: of a principal stretch less 1.
-        sag_m: by which the unstrained shape would sag.
+        sag_m: by which the unstrained shape would sag, with the stiffness that it is simulated with.
         change_m: what is left to move.
         iterations: of the solver.
         converged: whether ``change_m`` is within the tolerance.
         yielding: parts that are strained beyond yield.
+        stiffer_times: Young's modulus simulated over that of the materials; 1 where the shape stands with theirs.
+        stiffer_parts: names of the parts that are so much stiffer.
+        sag_as_given_m: by which the unstrained shape would sag with its materials' own stiffness.
     """
 
     largest_strain: float
@@ -46,6 +49,9 @@ class Prestressing:
     iterations: int
     converged: bool
     yielding: tuple[str, ...]
+    stiffer_times: float
+    stiffer_parts: tuple[str, ...]
+    sag_as_given_m: float
 
 
 _PER_FRAME = (

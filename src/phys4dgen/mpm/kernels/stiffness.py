@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from phys4dgen.mpm.kernels.layout import parallel_kernel, strict_kernel
+from phys4dgen.mpm.kernels.layout import kernel, parallel_kernel, strict_kernel
 
 __all__ = ["part_nodes", "to_nodes", "to_particles"]
 
@@ -116,28 +116,30 @@ def to_particles(values, copies, weights, offsets, mass, lame, inverse_dx, carri
         carried[p, 11] = m * g22 + 2 * mu * g22 + pressure
 
 
-@parallel_kernel
-def to_nodes(carried, order, starts, weights, offsets, factors, result):
-    """What the particles give to each copy of a node, in an order that does not depend on threads.
+@kernel
+def to_nodes(carried, copies, weights, offsets, result):
+    """Add what the particles give to each copy of a node.
 
     Args:
         carried: from ``to_particles``, [K, 12].
-        order: entries by copy, int64 [27 K].
-        starts: first entry of each copy in ``order``, and their number, int64 [n + 1].
+        copies: as there.
         weights: as there.
         offsets: as there.
-        factors: one number per copy, [n].
-        result: [n, 3].
+        result: added to, [n, 3].
     """
-    for at in prange(len(starts) - 1):
-        r0 = r1 = r2 = 0.0
-        if factors[at] != 0:
-            for entry in range(starts[at], starts[at + 1]):
-                p, node = order[entry] // 27, order[entry] % 27
-                i, j, k = node // 9, node // 3 % 3, node % 3
-                w = weights[p, i, 0] * weights[p, j, 1] * weights[p, k, 2]
-                x, y, z = i - 1 - offsets[p, 0], j - 1 - offsets[p, 1], k - 1 - offsets[p, 2]
-                r0 += w * (carried[p, 0] + carried[p, 3] * x + carried[p, 4] * y + carried[p, 5] * z)
-                r1 += w * (carried[p, 1] + carried[p, 6] * x + carried[p, 7] * y + carried[p, 8] * z)
-                r2 += w * (carried[p, 2] + carried[p, 9] * x + carried[p, 10] * y + carried[p, 11] * z)
-        result[at, 0], result[at, 1], result[at, 2] = factors[at] * r0, factors[at] * r1, factors[at] * r2
+    for p in range(len(copies)):
+        for i in range(3):
+            x = i - 1 - offsets[p, 0]
+            for j in range(3):
+                y = j - 1 - offsets[p, 1]
+                plane = weights[p, i, 0] * weights[p, j, 1]
+                row0 = carried[p, 0] + carried[p, 3] * x + carried[p, 4] * y
+                row1 = carried[p, 1] + carried[p, 6] * x + carried[p, 7] * y
+                row2 = carried[p, 2] + carried[p, 9] * x + carried[p, 10] * y
+                for k in range(3):
+                    z = k - 1 - offsets[p, 2]
+                    w = plane * weights[p, k, 2]
+                    at = copies[p, 9 * i + 3 * j + k]
+                    result[at, 0] += w * (row0 + carried[p, 5] * z)
+                    result[at, 1] += w * (row1 + carried[p, 8] * z)
+                    result[at, 2] += w * (row2 + carried[p, 11] * z)
