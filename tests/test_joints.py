@@ -112,7 +112,7 @@ def _hanging(joined):
     rigid = np.where(kind > 0, 0, -1).astype(np.int32)
     held = points[:, 2] < 0
     if joined:
-        mass_kg = joining_masses(points, mass_kg, rigid_body=rigid, held=held, cell_m=CELL_M)
+        mass_kg = joining_masses(points, mass_kg, rigid_body=rigid, apart=0 * rigid, hangs=~held, cell_m=CELL_M)
     volume_m3 = np.full(len(points), area_m2 * STEP_M / 9)
     one = np.ones(len(points))
     body = Body(
@@ -146,8 +146,8 @@ def test_masses_move_within_a_rigid_body_and_no_farther_than_half_of_it():
     points, box = _scene(POT, STEM, LEAF)
     rigid = np.where(box == 1, 0, np.where(box == 2, 1, -1)).astype(np.int32)
     mass = np.choose(box, [8.0, 1.0, 1.0])
-    held = np.zeros(len(points), bool)
-    joined = joining_masses(points, mass, rigid_body=rigid, held=held, cell_m=CELL_M)
+    everything, one_body = np.ones(len(points), bool), np.zeros(len(points), np.int32)
+    joined = joining_masses(points, mass, rigid_body=rigid, apart=one_body, hangs=everything, cell_m=CELL_M)
     for number in (0, 1):
         np.testing.assert_allclose(joined[rigid == number].sum(), mass[rigid == number].sum())
     np.testing.assert_array_equal(joined[rigid < 0], 8)
@@ -155,4 +155,7 @@ def test_masses_move_within_a_rigid_body_and_no_farther_than_half_of_it():
     foot = points[rigid == 0, 2] < 0.05 + CELL_M
     assert joined[rigid == 0][foot].min() > 2
     assert joined[rigid == 0][~foot].min() >= 0.5
-    np.testing.assert_array_equal(joining_masses(points, mass, rigid_body=rigid, held=box == 0, cell_m=CELL_M), mass)
+    for apart, hangs in ((one_body, box != 0), ((box == 0).astype(np.int32), everything)):
+        # nothing hangs on the rigid parts: what is soft is held or a fluid, or another body that only touches them
+        still = joining_masses(points, mass, rigid_body=rigid, apart=apart, hangs=hangs, cell_m=CELL_M)
+        np.testing.assert_array_equal(still, mass)

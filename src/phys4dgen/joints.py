@@ -174,7 +174,8 @@ def joining_masses(
     mass_kg: NDArray[np.float64],
     *,
     rigid_body: NDArray[np.int32],
-    held: NDArray[np.bool_],
+    apart: NDArray[np.int32],
+    hangs: NDArray[np.bool_],
     cell_m: float,
 ) -> NDArray[np.float64]:
     """Masses with which rigid particles hold what is soft beside them, [P]; each rigid body keeps its own.
@@ -188,15 +189,21 @@ def joining_masses(
         positions_m: at rest, [P, 3].
         mass_kg: as simulated, [P].
         rigid_body: number of the rigid body of each particle, -1 if it has none, [P].
-        held: particles that do not move, [P].
+        apart: what has another number here only touches, and holds nothing (``Body.body_id``), [P].
+        hangs: particles that a rigid one may have to hold: they move, and are solid, [P].
         cell_m: grid cell dx, m.
     """
-    soft, rigid = np.flatnonzero((rigid_body < 0) & ~held), np.flatnonzero(rigid_body >= 0)
+    soft, rigid = np.flatnonzero((rigid_body < 0) & hangs), np.flatnonzero(rigid_body >= 0)
     joined = mass_kg.copy()
     if len(soft) == 0 or len(rigid) == 0:
         return joined
-    around = KDTree(positions_m[rigid]).query_ball_tree(KDTree(positions_m[soft]), _SHARED_CELLS * cell_m)
-    wanted = np.array([mass_kg[soft[near]].max() if near else 0.0 for near in around])
+    wanted = np.zeros(len(rigid))
+    for body in np.unique(apart[rigid]):
+        own, others = np.flatnonzero(apart[rigid] == body), soft[apart[soft] == body]
+        if len(others) == 0:
+            continue
+        near = KDTree(positions_m[rigid[own]]).query_ball_tree(KDTree(positions_m[others]), _SHARED_CELLS * cell_m)
+        wanted[own] = [mass_kg[others[found]].max() if found else 0.0 for found in near]
     for number in np.unique(rigid_body[rigid]):
         own = rigid_body[rigid] == number
         members, before = rigid[own], mass_kg[rigid[own]]

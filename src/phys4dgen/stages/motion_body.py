@@ -15,7 +15,7 @@ from phys4dgen.joints import joining_masses
 from phys4dgen.motion import (
     Held,
 )
-from phys4dgen.mpm import Body, Ground, Settings, stiff_parts
+from phys4dgen.mpm import Body, Ground, LawId, Settings, stiff_parts
 from phys4dgen.progress import Progress
 from phys4dgen.scene import Ground as GroundOptions
 from phys4dgen.scene import Scene, options_by_part
@@ -148,18 +148,20 @@ def _assembled(given: Given, held: Held, body_of: NDArray[np.int32]) -> Assembly
         rigid_wave_speed_ms=speed_per_substep * scene.simulation.substep_limit,
         fps=scene.fps,
     )
+    numbers = body_numbers(scene, given.parts, continuum)
     masses_kg = joining_masses(
         assembly.body.positions_m,
         assembly.body.mass_kg,
         rigid_body=body_of,
-        held=held.particles,
+        apart=numbers,
+        hangs=~held.particles & (assembly.body.law != LawId.FLUID),
         cell_m=asset.cell_m,
     )
     body = replace(
         assembly.body,
         density_kgm3=masses_kg / assembly.body.volume_m3,
         rigid_group=body_of,
-        body_id=body_numbers(scene, given.parts, continuum),
+        body_id=numbers,
         bonded_to_held=bonded_by_body(scene, asset, given.parts, continuum, held=held.particles),
         velocities_ms=starting_velocities(scene, asset, given.parts, continuum, mass_kg=assembly.mass_kg)
         * ~held.particles[:, None],
