@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mpm_bodies import body, lattice
-from phys4dgen.mpm import Drive, LawId, Settings, Simulator, prestress, since_start
+from phys4dgen.mpm import Drive, LawId, Settings, Simulator, prestress, since_start, stiffened
 from phys4dgen.mpm.laws import LAWS
 
 DX, G = 0.02, 9.81
@@ -80,6 +80,39 @@ def test_a_beam_keeps_still_and_would_sag_as_theory_says():
     assert result.sag_m == pytest.approx(sag_m, rel=0.12)
     assert farthest_m(strained, SETTINGS, 20) < 1e-4 * length_m
     assert farthest_m(b, replace(SETTINGS, damping_per_s=0.0), 10) == pytest.approx(2 * result.sag_m, rel=0.05)
+
+
+def test_weight_does_not_rest_on_what_only_comes_close():
+    b = beam()
+    n = len(b)
+    block = lattice((8, 4, 4), STEP) + np.array([0.28 + 1.5 * DX, 0, 0])
+    held = np.concatenate([b.held, block[:, 0] > block[:, 0].mean()])
+    both = body(np.concatenate([b.positions_m, block]), STEP**3, E=1.5e6, nu=0.0, rho=RHO, held=held)
+    alone, beside = found(b)[0], found(both)[0]
+    worst = np.abs(alone.strains).max()
+    np.testing.assert_allclose(beside.strains[:n], alone.strains, atol=0.01 * worst)
+    assert farthest_m(replace(both, initial_gradients=beside.deformation_gradients), SETTINGS, 4) < 1e-4
+
+
+def test_a_crumb_beside_a_beam_rests_on_it():
+    b = beam()
+    crumb = lattice((2, 2, 2), STEP) + np.array([0.28 + 0.8 * DX, 0.01, 0.01])
+    held = np.concatenate([b.held, np.zeros(len(crumb), bool)])
+    both = body(np.concatenate([b.positions_m, crumb]), STEP**3, E=1.5e6, nu=0.0, rho=RHO, held=held)
+    result, strained = found(both)
+    assert result.carried[len(b) :].all()
+    assert result.sag_m > found(b)[0].sag_m
+    assert farthest_m(strained, SETTINGS, 4) < 2e-4
+
+
+def test_a_stiffer_body_has_the_same_stress():
+    soft, stiff = found(beam())[0], found(beam(E=4.5e6))[0]
+    again = stiffened(soft, 3.0)
+    assert again.sag_m == pytest.approx(stiff.sag_m, rel=1e-3)
+    assert again.largest_strain == pytest.approx(stiff.largest_strain, rel=1e-3)
+    np.testing.assert_allclose(
+        again.deformation_gradients, stiff.deformation_gradients, atol=1e-3 * stiff.largest_strain
+    )
 
 
 def test_a_pin_carries_as_well():

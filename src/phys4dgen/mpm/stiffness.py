@@ -149,7 +149,7 @@ class Stiffness:
         self._free = (is_free.ravel()[strands.node] & (inertia > _LEAST_MASS)).astype(np.float64)
         self._inverse_inertia = self._free / np.maximum(inertia, _LEAST_MASS)
         self._per_force = dx_m**2 / (4 * stiffest)
-        self._coarse = CoarseStiffness(strands.node, is_free, places, field[columns], lame.T.copy(), dx_m)
+        self._coarse = CoarseStiffness(strands, is_free, places, lame, dx_m)
 
     def _to_nodes(self, amounts: NDArray[np.float64]) -> NDArray[np.float64]:
         """What particles give of their amounts [K] to the nodes, [n]."""
