@@ -1,0 +1,99 @@
+"""Well-spaced particles beside one particle per Gaussian: how many they are, and how rough the F is that they give.
+
+    python benchmarks/particles.py OUT plant.splat --up=-y --height-m .35 --hold part_0 --hold part_1
+
+Two short runs of `sway` on one splat, `particles: auto` and `particles: gaussians`, no opacity cut. Printed: the
+particles of parts that are not held, how far the Gaussians move (99th percentile, share of the height), and the
+roughness of F: the mean over edges of the 8-neighbour graph of visible Gaussians inside one part, of those that move in
+both runs, of the Frobenius norm of the difference of F, in each run's livest frame. Exit code 1 when `auto` takes more
+than a sixth of the particles or has more than a quarter of the roughness (fifth issue). Finished runs in OUT are kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from phys4dgen.formats import load_gaussians
+
+FEWER, SMOOTHER = 6.0, 4.0
+_VISIBLE = 0.1
+_MOVES = 0.1  # of the 99th percentile of the displacements
+
+
+def main() -> int:
+    """Make the two runs and compare them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path, nargs="?", help="folder for the runs; without it nothing is run")
+    parser.add_argument("splat", nargs="?", help="the capture")
+    parser.add_argument("--grid", type=int, default=48, help="cells along the longest side (default: 48)")
+    parser.add_argument("--duration-s", type=float, default=0.4, help="of the films (default: 0.4)")
+    parser.add_argument("--hold", action="append", default=[], metavar="PART", help="parts that are held")
+    options, more = parser.parse_known_args()
+    if options.out is None or options.splat is None:
+        print("skipped: name a folder and a splat, python benchmarks/particles.py OUT plant.splat")
+        return 0
+    options.out.mkdir(parents=True, exist_ok=True)
+    runs = {}
+    for particles in ("auto", "gaussians"):
+        run = runs[particles] = options.out / particles
+        if not (run / "trajectory.npz").is_file():
+            command = [sys.executable, "-m", "phys4dgen", "generate", options.splat, "-o", str(run), "--overwrite"]
+            command += ["--motion", "sway", "--until", "simulate", "--interior.particles", particles]
+            command += ["--grid", str(options.grid), "--duration-s", str(options.duration_s), *more]
+            subprocess.run([*command, *(f"--hold={part}" for part in options.hold)], check=True)
+    motions = {name: np.load(run / "trajectory.npz", allow_pickle=False) for name, run in runs.items()}
+    farthest = {name: _farthest(motion["positions"]) for name, motion in motions.items()}
+    start, end = _edges(runs["auto"], list(farthest.values()))
+    counts, rough = {}, {}
+    for name, run in runs.items():
+        parts = json.loads((run / "report.json").read_text("utf-8"))["parts"]
+        counts[name] = sum(part["particles"] for part in parts if part["name"] not in options.hold)
+        gradients = motions[name]["deformation_gradients"]
+        rough[name] = max(float(np.linalg.norm(f[start] - f[end], axis=(1, 2)).mean()) for f in gradients)
+        print(
+            f"{name}: {counts[name]} particles that may move; Gaussians move by "
+            f"{np.percentile(farthest[name], 99) / _height(run):.3f} of the height, roughness of F {rough[name]:.4f}"
+        )
+    fewer, smoother = counts["gaussians"] / counts["auto"], rough["gaussians"] / rough["auto"]
+    print(
+        f"auto: {fewer:.1f} times fewer particles (at least {FEWER:g}), F {smoother:.1f} times smoother ({SMOOTHER:g})"
+    )
+    return int(fewer < FEWER or smoother < SMOOTHER)
+
+
+def _farthest(positions) -> np.ndarray:
+    return np.stack([np.linalg.norm(frame - positions[0], axis=1) for frame in positions]).max(0)
+
+
+def _height(run: Path) -> float:
+    up = np.array(json.loads((run / "views" / "cameras.json").read_text("utf-8"))["up"])
+    gaussians = load_gaussians(run / "gaussians.ply")
+    return float(np.ptp(np.percentile(gaussians.means[gaussians.opacities > 0.02] @ up, [0.5, 99.5])))
+
+
+def _edges(run: Path, farthest: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Starts and ends of the 8-neighbour graph within each part, of Gaussians that are seen and move in all runs."""
+    gaussians, labels = load_gaussians(run / "gaussians.ply"), np.load(run / "groups.npz", allow_pickle=False)["labels"]
+    chosen = gaussians.opacities > _VISIBLE
+    for moved in farthest:
+        chosen &= moved > _MOVES * np.percentile(moved, 99)
+    starts, ends = [], []
+    for label in np.unique(labels[chosen]):
+        own = np.flatnonzero(chosen & (labels == label))
+        if len(own) > 8:
+            points = gaussians.means[own].astype(np.float64)
+            _, near = cKDTree(points).query(points, k=9)
+            starts.append(np.repeat(own, 8))
+            ends.append(own[near[:, 1:]].ravel())
+    return np.concatenate(starts), np.concatenate(ends)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
