@@ -26,7 +26,7 @@ from numba import prange
 from phys4dgen.mpm.kernels.compiled_pass import call_pass
 from phys4dgen.mpm.kernels.grid_pass import grid_plane
 from phys4dgen.mpm.kernels.layout import FUSED, GATHER_ONLY, SCATTER_ONLY, kernel, parallel_kernel
-from phys4dgen.mpm.kernels.rigid_pass import move_rigid, place_rigid, sum_rigid
+from phys4dgen.mpm.kernels.rigid_pass import clear_sums, move_rigid, place_rigid, sum_rigid
 from phys4dgen.mpm.kernels.sorting import take_sorted
 
 __all__ = ["advance"]
@@ -98,7 +98,8 @@ def advance(
                 resting = np.sqrt(gain[0] * gain[0] + gain[1] * gain[1] + gain[2] * gain[2])
                 move_rigid(*rigid[5:], resting, np.float64(dt))
             items = nodes_x if phase == _GRID else chunks
-            for item in prange(items):
+            for index in prange(items):
+                item = np.int64(index)  # unsigned inside the loop alone: the callees would be compiled for both
                 if phase == _GRID:
                     grid_plane(
                         item, nodes_x, spans, momentum, velocity, unblocked, free, contacts, pairs, grid, dx, dt,
@@ -149,7 +150,7 @@ def _chunk_phase(
                     bounds[law, chunk], inverse_dx, dt, kick,
                 )  # fmt: skip
                 if law == soft:
-                    sums[chunk] = 0
+                    clear_sums(sums[chunk])
                 sum_rigid(particles, first, last, group_of, offsets, motion, dx, sums[chunk])
             else:
                 place_rigid(particles, first, last, group_of, offsets, motion, constraint)

@@ -48,7 +48,15 @@ from phys4dgen.mpm.kernels.rigid_motion import (
     world_inverse_inertia,
 )
 
-__all__ = ["move_rigid", "place_rigid", "sum_rigid"]
+__all__ = ["clear_sums", "move_rigid", "place_rigid", "sum_rigid"]
+
+
+@strict_kernel
+def clear_sums(sums):
+    """Set the sums of one chunk to zero, float64 [groups, SUM_COUNT] (assigning to slices takes long to compile)."""
+    for group in range(sums.shape[0]):
+        for column in range(sums.shape[1]):
+            sums[group, column] = 0.0
 
 
 @strict_kernel
@@ -181,14 +189,15 @@ def move_rigid(
     v = np.zeros(3)
     momentum = np.zeros(3)
     for g in range(len(motion)):
-        v[:] = 0
-        momentum[:] = 0
+        for axis in range(3):
+            v[axis], momentum[axis] = 0.0, 0.0
         for chunk in range(len(sums)):
             for axis in range(3):
                 v[axis] += sums[chunk, g, axis] / mass[g]
                 momentum[axis] += sums[chunk, g, 3 + axis]
         rotation = motion[g, ROTATION : ROTATION + 9]
-        motion[g, LAST_ROTATION : LAST_ROTATION + 9] = rotation
+        for k in range(9):  # not an assignment of slices, which takes as long to compile as all of this
+            motion[g, LAST_ROTATION + k] = rotation[k]
         world_inverse_inertia(rotation, inverse_point_inertia[g], W)
         spin = times(W, momentum[0], momentum[1], momentum[2])
         for axis in range(3):
@@ -207,7 +216,7 @@ def move_rigid(
         turn(rotation, wx * dt / 2, wy * dt / 2, wz * dt / 2, half)
         world_inverse_inertia(half, inverse_inertia[g], W)
         wx, wy, wz = times(W, momentum[0], momentum[1], momentum[2])
-        turn(rotation.copy(), wx * dt, wy * dt, wz * dt, rotation)
+        turn(motion[g, LAST_ROTATION : LAST_ROTATION + 9], wx * dt, wy * dt, wz * dt, rotation)
         world_inverse_inertia(rotation, inverse_inertia[g], W)
         spin = times(W, momentum[0], momentum[1], momentum[2])
         for axis in range(3):

@@ -32,41 +32,32 @@ def part_nodes(order, starts, places, reach, loose, copies):
     most = 0
     for node in range(len(starts) - 1):
         most = max(most, starts[node + 1] - starts[node])
-    root, number = np.zeros(most, np.int64), np.zeros(most, np.int64)
+    rest, joined = np.zeros(most, np.int64), np.zeros(most, np.int64)
     count = 0
     for node in range(len(starts) - 1):
-        first = starts[node]
-        size = starts[node + 1] - first
-        for a in range(size):
-            root[a] = a
-        groups = size
-        for a in range(size):
-            if groups == 1:
-                break
-            p = order[first + a] // 27
-            for b in range(a):
-                q = order[first + b] // 27
-                far = 0.0
-                for axis in range(3):
-                    far += (places[p, axis] - places[q, axis]) ** 2
-                if far > reach * reach and not loose[p] and not loose[q]:
-                    continue
-                of_a, of_b = a, b
-                while root[of_a] != of_a:
-                    of_a = root[of_a]
-                while root[of_b] != of_b:
-                    of_b = root[of_b]
-                if of_a != of_b:
-                    root[max(of_a, of_b)] = min(of_a, of_b)
-                    groups -= 1
-        for a in range(size):
-            of_a = a
-            while root[of_a] != of_a:
-                of_a = root[of_a]
-            if of_a == a:
-                number[a] = count
-                count += 1
-            copies[order[first + a]] = number[of_a]
+        left = starts[node + 1] - starts[node]
+        for i in range(left):
+            rest[i] = order[starts[node] + i]
+        while left > 0:
+            left -= 1
+            joined[0], waiting = rest[left], 1
+            while waiting > 0:  # the last one first: in dense matter a few reach everything
+                waiting -= 1
+                entry = joined[waiting]
+                copies[entry] = count
+                p, i = entry // 27, 0
+                while i < left:
+                    q, apart = rest[i] // 27, 0.0
+                    for axis in range(3):
+                        apart += (places[p, axis] - places[q, axis]) ** 2
+                    if apart <= reach * reach or loose[p] or loose[q]:
+                        joined[waiting] = rest[i]
+                        waiting += 1
+                        left -= 1
+                        rest[i] = rest[left]
+                    else:
+                        i += 1
+            count += 1
     return count
 
 
