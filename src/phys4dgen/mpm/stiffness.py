@@ -4,8 +4,9 @@ The operator is the engine's own particle pass for infinitely small displacement
 balanced there; but strands of matter that only come close to each other have nodes of their own (``strands``).
 Rotations do not count.
 
-The stiffness is all but singular: nodes at the rim of a body, with next to no mass, can move almost freely. The
-preconditioner ``Stiffness.through_particles`` therefore looks at each node, at particles and at a coarse grid.
+Displacements are those that particles can pass on (``Stiffness.through_particles``): a node at the rim of a body, with
+next to no mass, follows the affine motion of the particles near it. On the nodes themselves the stiffness is all but
+singular there.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from phys4dgen.mpm.held import HeldNodes, with_simulated_skin
 from phys4dgen.mpm.kernels.contact import STICKY
 from phys4dgen.mpm.kernels.layout import MASS
 from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
-from phys4dgen.mpm.kernels.stiffness import add_own_stiffness, to_nodes, to_particles
+from phys4dgen.mpm.kernels.stiffness import to_nodes, to_particles
 from phys4dgen.mpm.laws import LAWS, LawId
 from phys4dgen.mpm.settings import Settings
 from phys4dgen.mpm.state import Particles
@@ -40,8 +41,6 @@ __all__ = ["Stiffness"]
 
 _LEAST_MASS = 1e-12  # as in the grid pass: lighter nodes carry no velocity
 _STIFF_POISSON_RATIO = 0.3
-_QUIET = 1e-4
-"""Added to the stiffness of a node by itself, as a share of what its matter could have; the lightest nearly float."""
 
 
 class Stiffness:
@@ -150,12 +149,7 @@ class Stiffness:
         self._free = (is_free.ravel()[strands.node] & (inertia > _LEAST_MASS)).astype(np.float64)
         self._inverse_inertia = self._free / np.maximum(inertia, _LEAST_MASS)
         self._per_force = dx_m**2 / (4 * stiffest)
-        own_stiffness = (_QUIET * stiffest / dx_m**2 * inertia)[:, None, None] * np.eye(3)
-        add_own_stiffness(strands.copies, self._weights, self._offsets, lame, 1 / dx_m, own_stiffness)
-        used = np.flatnonzero(self._free)
-        self._own_compliance = np.zeros_like(own_stiffness)
-        self._own_compliance[used] = np.linalg.inv(own_stiffness[used])
-        self._coarse = CoarseStiffness(strands, is_free, places, lame, dx_m)
+        self._coarse = CoarseStiffness(strands.node, is_free, places, field[columns], lame.T.copy(), dx_m)
 
     def _to_nodes(self, amounts: NDArray[np.float64]) -> NDArray[np.float64]:
         """What particles give of their amounts [K] to the nodes, [n]."""
@@ -189,13 +183,11 @@ class Stiffness:
     def through_particles(self, forces: NDArray[np.float64]) -> NDArray[np.float64]:
         """The motion that forces [n, 3] begin, as particles take it up and give it back, [n, 3].
 
-        With masses for which waves are equally fast everywhere; and what each node does by itself, which light nodes at
-        the rim need, and the coarse grid's slow motions. Symmetric and positive, so a preconditioner.
+        With masses for which waves are equally fast everywhere; symmetric and positive, so a preconditioner.
         """
         self._read(forces * self._inverse_inertia[:, None], self._inertia)
         answer = self._inverse_inertia[:, None] * self._collected()
-        alone = np.einsum("nij,nj->ni", self._own_compliance, forces)
-        return self._per_force * answer + alone + self._coarse.answer(forces)
+        return self._per_force * answer + self._coarse.answer(forces)
 
     def particles_at(self, displacements: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Displacement [P, 3] in metres and strain [P, 3, 3] of all particles; zero where they are not carried."""

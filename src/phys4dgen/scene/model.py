@@ -91,7 +91,7 @@ class Scene(Section):
     else rest"""
     prestress: Literal["auto", "on", "off"] = "auto"
     """whether the shape given carries its weight from the start, up to ten times as stiff where it would sag by more
-    than 5 % of the height; off: it sags, as an unloaded shape does; auto: on where gravity is on, something that is
+    than 3 % of the height; off: it sags, as an unloaded shape does; auto: on where gravity is on, something that is
     held carries what is elastic, and it can stand"""
     gravity_ms2: Auto | Vector = "auto"
     """acceleration of gravity in the input's axes; auto: 9.81 downwards"""

@@ -32,7 +32,7 @@ _Entry = TypeVar("_Entry", PartThickening, CappedPart)
 
 _CAPTURED_UNDER_MS2 = (0.0, 0.0, -9.81)
 _TOLERANCE = 2e-4  # of the height
-_STANDING_SAG = 0.05
+_STANDING_SAG = 0.03
 """Of the height. What would sag by more under its weight is made stiffer until it does not, for the shape stood."""
 _MOST_TIMES = 10.0
 """A library's modulus is not trusted less than this."""

@@ -11,7 +11,7 @@ from numba import prange
 
 from phys4dgen.mpm.kernels.layout import kernel, parallel_kernel, strict_kernel
 
-__all__ = ["add_own_stiffness", "part_nodes", "to_nodes", "to_particles"]
+__all__ = ["part_nodes", "to_nodes", "to_particles"]
 
 
 @strict_kernel
@@ -134,30 +134,3 @@ def to_nodes(carried, copies, weights, offsets, result):
                     result[at, 0] += w * (row0 + carried[p, 5] * z)
                     result[at, 1] += w * (row1 + carried[p, 8] * z)
                     result[at, 2] += w * (row2 + carried[p, 11] * z)
-
-
-@strict_kernel
-def add_own_stiffness(copies, weights, offsets, lame, inverse_dx, blocks):
-    """Add the force on each copy of a node for a displacement of its own: the diagonal blocks of K.
-
-    Args:
-        copies: as in ``to_particles``.
-        weights: as there.
-        offsets: as there.
-        lame: as there.
-        inverse_dx: as there.
-        blocks: result, added to, [n, 3, 3].
-    """
-    slope = np.zeros(3)
-    for p in range(len(copies)):
-        lam, mu = lame[p, 0], lame[p, 1]
-        for node in range(27):
-            i, j, k = node // 9, node // 3 % 3, node % 3
-            w = 4 * inverse_dx * weights[p, i, 0] * weights[p, j, 1] * weights[p, k, 2]
-            slope[0], slope[1], slope[2] = i - 1 - offsets[p, 0], j - 1 - offsets[p, 1], k - 1 - offsets[p, 2]
-            square = slope[0] ** 2 + slope[1] ** 2 + slope[2] ** 2
-            block = blocks[copies[p, node]]
-            for a in range(3):
-                block[a, a] += mu * w * w * square
-                for b in range(3):
-                    block[a, b] += (lam + mu) * w * w * slope[a] * slope[b]
