@@ -16,6 +16,8 @@ from phys4dgen.mpm.state import Particles
 
 __all__ = ["angular_momentum_kgm2s", "elastic_energy_j", "kinetic_energy_j", "momentum_kgms", "rigid_motion"]
 
+_BLOCK = 2**16  # particles whose energy is found at a time: a million at once would take most of the memory
+
 
 def momentum_kgms(mass_kg: NDArray[Any], velocities_ms: NDArray[Any]) -> NDArray[np.float64]:
     """Total momentum [3] in kg m/s of masses [M] and velocities [M, 3]."""
@@ -50,8 +52,11 @@ def elastic_energy_j(body: Body, particles: Particles, deformation_gradients: ND
     """Total stored energy in joules of the moving particles, F [P, 3, 3] of all; rigid ones store none."""
     total = 0.0
     for law, index, parameters, state in particles.soft_states():
-        density = law.energy_density_pa(deformation_gradients[index].astype(np.float64), parameters, state)
-        total += float(body.volume_m3[index] @ density)
+        for first in range(0, len(index), _BLOCK):
+            some = slice(first, first + _BLOCK)
+            F = deformation_gradients[index[some]].astype(np.float64)
+            density = law.energy_density_pa(F, parameters[:, some], state[:, some])
+            total += float(body.volume_m3[index[some]] @ density)
     return total
 
 
