@@ -51,7 +51,13 @@ LAW_COLUMNS = 31  # from here on each law has its own: its parameters, then its 
 SCATTER_ONLY, FUSED, GATHER_ONLY = 0, 1, 2
 """What a particle pass does: begin a segment, a substep in its middle, or end it."""
 
-_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "boundscheck": False, "nogil": True}
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "error_model": "numpy",
+    "boundscheck": False,
+    "nogil": True,
+    "no_cfunc_wrapper": True,  # compiled faster; nobody calls kernels from C
+}
 strict_kernel: Any = numba.njit(**_OPTIONS)
 """Decorator of a compiled, cached kernel in which NaN and infinity keep their meaning."""
 kernel: Any = numba.njit(fastmath=True, **_OPTIONS)
