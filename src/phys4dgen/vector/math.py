@@ -11,7 +11,14 @@ from phys4dgen.vector.lanes import as_float_bits, as_int_bits, floor, like, maxi
 
 __all__ = ["exp", "expm1", "inline", "log", "log1p"]
 
-inline: Any = njit(forceinline=True, fastmath=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+_OPTIONS: dict[str, Any] = {
+    "forceinline": True,
+    "fastmath": True,
+    "error_model": "numpy",
+    "no_cpython_wrapper": True,  # only kernels call them
+    "no_cfunc_wrapper": True,
+}
+inline: Any = njit(**_OPTIONS)
 """Decorator of helper functions that are inlined into the kernel that calls them."""
 
 _f = np.float32
