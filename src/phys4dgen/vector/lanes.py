@@ -111,26 +111,36 @@ def _number_to_lanes(context: Any, builder: Any, source: Any, target: Lanes, val
 
 # ---------------------------------------------------------------------------------------------------- operators
 
-_BINARY: dict[tuple[Any, str], Callable[[Any, Any, Any], Any]] = {}
+_BINARY: dict[Any, dict[str, tuple[Callable[[Any, Any, Any], Any], str]]] = {}
+"""By operator and kind of its operands: how to emit it, and the kind of its result."""
+
+_TRIED_FIRST = {"target": "cpu"}
+"""Numba tries templates of the target before generic ones, of which there are dozens per operator, at a cost each."""
 
 
 def _define_binary(op: Any, kind: str, emit: Callable[[Any, Any, Any], Any], result_kind: str | None = None) -> None:
     """Define ``op`` between lanes of one kind, or between lanes and a number."""
-    _BINARY[op, kind] = emit
+    if op not in _BINARY:
+        _define_typing_and_lowering(op)
+    _BINARY.setdefault(op, {})[kind] = emit, result_kind or kind
 
+
+def _define_typing_and_lowering(op: Any) -> None:
     @infer_global(op)
     class _Template(AbstractTemplate):
+        metadata = _TRIED_FIRST
+
         def generic(self, args: Any, kws: Any) -> Any:
-            lanes = [arg for arg in args if isinstance(arg, Lanes)]
-            if len(args) != 2 or not lanes or lanes[0].kind != kind:
+            lanes = next((arg for arg in args if isinstance(arg, Lanes)), None)
+            if len(args) != 2 or lanes is None or lanes.kind not in _BINARY[op]:
                 return None
-            if not all(arg == lanes[0] if isinstance(arg, Lanes) else isinstance(arg, types.Number) for arg in args):
+            if not all(arg == lanes if isinstance(arg, Lanes) else isinstance(arg, types.Number) for arg in args):
                 return None
-            return signature(lanes[0].of(result_kind or kind), lanes[0], lanes[0])
+            return signature(lanes.of(_BINARY[op][lanes.kind][1]), lanes, lanes)
 
     @lower_builtin(op, Lanes, Lanes)
     def _lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _BINARY[op, sig.args[0].kind](builder, *args)
+        return _BINARY[op][sig.args[0].kind][0](builder, *args)
 
 
 def _fast(method: str) -> Callable[[Any, Any, Any], Any]:
@@ -172,6 +182,8 @@ _define_binary(operator.or_, "bool", _plain("or_"))
 
 @infer_global(operator.neg)
 class _Negative(AbstractTemplate):
+    metadata = _TRIED_FIRST
+
     def generic(self, args: Any, kws: Any) -> Any:
         if isinstance(args[0], Lanes) and args[0].kind == "float32":
             return signature(args[0], args[0])
