@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import phys4dgen
 from phys4dgen.mpm import Body, LawId
-from phys4dgen.mpm.kernels.law_columns import advance_gradient, stress
+from phys4dgen.mpm.kernels.law_step import STRESS, advance_law
 from phys4dgen.mpm.kernels.layout import DISPLACEMENT_GRADIENT, LAW_COLUMNS
-from phys4dgen.vector.memory import load_columns32, store_columns
 
 __all__ = ["COUNT", "Points", "deviator"]
 
@@ -35,13 +34,8 @@ _forget_stale_kernels()
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
-def _step(law: Any, particles: Any, gradients: Any, dt: Any, tau: Any) -> None:
-    c = load_columns32(gradients, 0, COUNT, 9)
-    c0, c1, c2, c3, c4, c5, c6, c7, c8 = c
-    g = (dt * c0, dt * c1, dt * c2, dt * c3, dt * c4, dt * c5, dt * c6, dt * c7, dt * c8)
-    h = load_columns32(particles, DISPLACEMENT_GRADIENT * COUNT, COUNT, 9)
-    h = advance_gradient(law, particles, 0, COUNT, h, g)
-    store_columns(tau, 0, COUNT, stress(law, particles, 0, COUNT, h, c, dt))
+def _step(law: Any, particles: Any, rows: Any, dt: Any) -> None:
+    advance_law(law, particles, 0, COUNT, rows, dt)
 
 
 class Points:
@@ -73,9 +67,10 @@ class Points:
 
     def step(self, C: ArrayLike, dt: float = 1.0) -> NDArray[np.float64]:
         """Kirchhoff stress [32, 3, 3] after dt with velocity gradients C [32, 3, 3] (or [3, 3] for all)."""
-        gradients = np.ascontiguousarray(np.broadcast_to(C, (COUNT, 3, 3)).reshape(COUNT, 9).T, np.float32)
-        tau = np.full((6, COUNT), np.inf, np.float32)
-        _step(self.law, self._columns.ravel(), gradients.ravel(), np.float32(dt), tau.ravel())
+        rows = np.full((15, COUNT), np.inf, np.float32)
+        rows[:9] = np.broadcast_to(C, (COUNT, 3, 3)).reshape(COUNT, 9).T
+        _step(self.law, self._columns.ravel(), rows.ravel(), np.float32(dt))
+        tau = rows[STRESS // COUNT :]
         return tau[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T.reshape(COUNT, 3, 3).astype(float)
 
     def deform(self, F: ArrayLike) -> NDArray[np.float64]:

@@ -21,8 +21,10 @@ from phys4dgen.mpm.frame import Frame, frame_of
 from phys4dgen.mpm.grid import Grid
 from phys4dgen.mpm.ground import origin_and_ground_node
 from phys4dgen.mpm.held import HeldNodes, with_simulated_skin
-from phys4dgen.mpm.kernels.compiled_pass import address_of_pass
+from phys4dgen.mpm.kernels.grid_pass import address_of_grid_plane
+from phys4dgen.mpm.kernels.law_step import address_of_law
 from phys4dgen.mpm.kernels.layout import LOAD, POSITION, VELOCITY
+from phys4dgen.mpm.kernels.particle_pass import address_of_pass
 from phys4dgen.mpm.kernels.rigid_pass import place_rigid
 from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
 from phys4dgen.mpm.laws import LawId
@@ -100,7 +102,7 @@ class Simulator:
         """All that depends on which particles have which law."""
         particles, body = self._particles, self._simulated
         particles.columns[LOAD] = self._kicks.row_of[particles.numbers]
-        self._passes = np.array([address_of_pass(law) for law in particles.laws])
+        self._laws = np.array([address_of_law(law) for law in particles.laws])
         viscosity = body.kinematic_viscosity_m2s
         self._viscosity_m2s = float(viscosity[body.is_soft].max(initial=0.0))
         self._is_fluid = ((body.law == LawId.FLUID) & body.is_soft).astype(np.float32)
@@ -260,7 +262,9 @@ class Simulator:
             particles.columns, settings, everything, kicks, has_fields=self._kicks.has_fields, dt_s=dt_s
         )
         advance(
-            self._passes,
+            address_of_grid_plane(),
+            address_of_pass(),
+            self._laws,
             particles.columns,
             particles.spare,
             self._order,

@@ -23,9 +23,9 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from phys4dgen.mpm.kernels.compiled_pass import call_pass
-from phys4dgen.mpm.kernels.grid_pass import grid_plane
-from phys4dgen.mpm.kernels.layout import FUSED, GATHER_ONLY, SCATTER_ONLY, kernel, parallel_kernel
+from phys4dgen.mpm.kernels.grid_pass import call_grid_plane
+from phys4dgen.mpm.kernels.layout import FUSED, GATHER_ONLY, SCATTER_ONLY, inner_kernel, parallel_kernel
+from phys4dgen.mpm.kernels.particle_pass import call_pass
 from phys4dgen.mpm.kernels.rigid_pass import clear_sums, move_rigid, place_rigid, sum_rigid
 from phys4dgen.mpm.kernels.sorting import take_sorted
 
@@ -36,7 +36,9 @@ _GRID, _PARTICLES, _RIGID = 0, 1, 2  # phases of a substep; all threads finish o
 
 @parallel_kernel
 def advance(
-    passes,
+    grid_plane,
+    particle_pass,
+    laws,
     unsorted,
     particles,
     order,
@@ -62,7 +64,9 @@ def advance(
     """Sort the particles, then advance them by one segment.
 
     Args:
-        passes: address of the particle pass of each law present (``address_of_pass``), int64 [laws].
+        grid_plane: address of the update of a plane of the grid (``grid_pass.address_of_grid_plane``).
+        particle_pass: address of the particle pass (``particle_pass.address_of_pass``).
+        laws: address of each law present (``law_step.address_of_law``), int64 [laws].
         unsorted: particle columns as the last segment left them, float32 [columns, stride].
         particles: result, the same columns in the new order.
         order: order[i] is the place in ``unsorted`` of the particle that comes to place i, int32 [stride].
@@ -101,52 +105,52 @@ def advance(
             for index in prange(items):
                 item = np.int64(index)  # unsigned inside the loop alone: the callees would be compiled for both
                 if phase == _GRID:
-                    grid_plane(
-                        item, nodes_x, spans, momentum, velocity, unblocked, free, contacts, pairs, grid, dx, dt,
+                    call_grid_plane(
+                        grid_plane, item, nodes_x, spans, momentum, velocity, unblocked, free, contacts, pairs, grid, dx, dt,
                         gains[now], damping, undamped[now],
                     )  # fmt: skip
                 else:
                     kick = kicks[min(coming, len(kicks) - 1)]
                     _chunk_phase(
-                        item, phase, stage, passes, ranges[:, item], fields, unsorted, particles, order, velocity,
+                        item, phase, stage, particle_pass, laws, ranges[:, item], fields, unsorted, particles, order, velocity,
                         momentum[item], grid, nodes_x, bounds, dx, dt, kick, rigid,
                     )  # fmt: skip
 
 
-@kernel
+@inner_kernel
 def _grid_of(grid, first_plane):
     """The grid as particles of the velocity field that begins with a plane see it."""
     return grid[0] - first_plane, grid[1], grid[2], grid[3], grid[4]
 
 
-@kernel
+@inner_kernel
 def _chunk_phase(
-    chunk, phase, stage, passes, ranges, fields, unsorted, particles, order, velocity, momentum, grid, nodes_x, bounds,
-    dx, dt, kick, rigid,
+    chunk, phase, stage, particle_pass, laws, ranges, fields, unsorted, particles, order, velocity, momentum, grid,
+    nodes_x, bounds, dx, dt, kick, rigid,
 ):  # fmt: skip
     """One phase of a substep for the particles of one chunk."""
     flat = particles.ravel()
     stride = particles.shape[1]
-    soft = len(passes) if rigid is None else rigid[0]
+    soft = len(laws) if rigid is None else rigid[0]
     inverse_dx = np.float32(1) / dx
-    for law in range(len(passes)):
+    for law in range(len(laws)):
         first, last = ranges[law]
         if stage == SCATTER_ONLY:
             take_sorted(unsorted, particles, order, first, last)
         if phase == _PARTICLES and (law < soft or stage == SCATTER_ONLY):
             own_grid = _grid_of(grid, fields[law] * nodes_x)
             call_pass(
-                passes[law], stage, first, last, flat, stride, velocity, momentum, own_grid, bounds[law, chunk],
+                particle_pass, laws[law], stage, first, last, flat, stride, velocity, momentum, own_grid, bounds[law, chunk],
                 inverse_dx, dt, kick,
             )  # fmt: skip
     if rigid is not None and stage != SCATTER_ONLY:
         unblocked, group_of, offsets, constraint, motion, sums = rigid[1:7]
-        for law in range(soft, len(passes)):
+        for law in range(soft, len(laws)):
             first, last = ranges[law]
             own_grid = _grid_of(grid, fields[law] * nodes_x)
             if phase == _PARTICLES:
                 call_pass(
-                    passes[law], GATHER_ONLY, first, last, flat, stride, unblocked, momentum, own_grid,
+                    particle_pass, laws[law], GATHER_ONLY, first, last, flat, stride, unblocked, momentum, own_grid,
                     bounds[law, chunk], inverse_dx, dt, kick,
                 )  # fmt: skip
                 if law == soft:
@@ -156,6 +160,6 @@ def _chunk_phase(
                 place_rigid(particles, first, last, group_of, offsets, motion, constraint)
                 if stage == FUSED:
                     call_pass(
-                        passes[law], SCATTER_ONLY, first, last, flat, stride, velocity, momentum, own_grid,
+                        particle_pass, laws[law], SCATTER_ONLY, first, last, flat, stride, velocity, momentum, own_grid,
                         bounds[law, chunk], inverse_dx, dt, kick,
                     )  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from phys4dgen.mpm.kernels.layout import kernel
+from phys4dgen.mpm.kernels.layout import inner_kernel
 
 __all__ = ["SEPARATE", "SLIP", "STICKY", "allowed_velocity"]
 
@@ -13,7 +13,7 @@ SLIP = 1  # no motion into the surface or away from it, no friction
 STICKY = 2  # the motion of the surface
 
 
-@kernel
+@inner_kernel
 def allowed_velocity(vx, vy, vz, kind, plane, friction, drag):
     """Velocity of a node after contact.
 

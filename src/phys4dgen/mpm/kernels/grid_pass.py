@@ -9,16 +9,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba.core import types
 
+from phys4dgen.mpm.kernels.by_address import FLOATS, address_of, caller_of
 from phys4dgen.mpm.kernels.contact import allowed_velocity
-from phys4dgen.mpm.kernels.layout import kernel
+from phys4dgen.mpm.kernels.layout import inner_kernel
 from phys4dgen.mpm.kernels.pair_contact import limit_pairs
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
 from phys4dgen.vector.lanes import constant16, maximum, splat16, where
 from phys4dgen.vector.memory import load16, store
 from phys4dgen.vector.shuffles import group_last, load_group_each
 
-__all__ = ["grid_plane"]
+__all__ = ["address_of_grid_plane", "call_grid_plane"]
 
 _f = np.float32
 _SMALLEST_MASS = _f(1e-12)  # of the mean particle mass; lighter nodes carry no velocity
@@ -29,7 +31,7 @@ _mass_lane = constant16([0, 0, 0, 1] * 4)
 _node_in_group = constant16([0] * 4 + [1] * 4 + [2] * 4 + [3] * 4)
 
 
-@kernel
+@inner_kernel
 def _row_span(spans, plane, row):
     """First and one past last node along z of a row that any chunk may have written to; 0, 0 where none."""
     low, high = 0, 0
@@ -41,7 +43,7 @@ def _row_span(spans, plane, row):
     return low, high
 
 
-@kernel
+@inner_kernel
 def _set_velocities(plane, first_plane, spans, momentum, velocity, unblocked, free, grid, dx, gain, damping, rigid):
     """Velocities of one plane of the field that begins with plane ``first_plane``, without contacts."""
     ny, nz = grid[3], grid[4]
@@ -84,7 +86,7 @@ def _set_velocities(plane, first_plane, spans, momentum, velocity, unblocked, fr
             undamped = undamped + _f(4) * per_node
 
 
-@kernel
+@inner_kernel
 def _limit(plane, field, nodes_x, spans, velocity, unblocked, contacts, grid, dt):
     """What contacts allow on one plane of a field."""
     starts, nodes, planes, impulses, rubbing = contacts
@@ -111,8 +113,8 @@ def _limit(plane, field, nodes_x, spans, velocity, unblocked, contacts, grid, dt
                     unblocked[at], unblocked[at + 1], unblocked[at + 2] = u0, u1, u2
 
 
-@kernel
-def grid_plane(
+@inner_kernel
+def _grid_plane(
     plane, nodes_x, spans, momentum, velocity, unblocked, free, contacts, pairs, grid, dx, dt, gain, damping, rigid
 ):
     """Update one plane of nodes of all fields.
@@ -150,3 +152,34 @@ def grid_plane(
     for field in range(fields):
         _limit(plane, field, nodes_x, spans, velocity, unblocked, contacts, grid, dt)
     restore_float_state(state)
+
+
+_INTS = types.Array(types.int32, 1, "C")
+_INT_ROWS = types.Array(types.int32, 2, "C")
+_FLOAT_ROWS = types.Array(types.float32, 2, "C")
+_FLOAT_TABLES = types.Array(types.float32, 3, "C")
+_ARGUMENTS = (
+    types.int64,  # plane
+    types.int64,  # nodes_x
+    types.Array(types.int32, 4, "C"),  # spans
+    _FLOAT_ROWS,  # momentum
+    FLOATS,  # velocity
+    FLOATS,  # unblocked
+    FLOATS,  # free
+    types.Tuple((_INTS, _INT_ROWS, _FLOAT_ROWS, _FLOAT_TABLES, _FLOAT_TABLES)),  # contacts
+    types.Tuple((_INTS, _INT_ROWS, _FLOAT_ROWS, FLOATS)),  # pairs
+    types.UniTuple(types.int64, 5),  # grid
+    types.float32,  # dx
+    types.float32,  # dt
+    FLOATS,  # gain
+    types.float32,  # damping
+    FLOATS,  # rigid
+)
+
+call_grid_plane = caller_of(_ARGUMENTS)
+"""Inside kernels: the update of a plane by the function at an address, with its arguments."""
+
+
+def address_of_grid_plane() -> int:
+    """Address of the update of a plane; compiled or taken from Numba's cache at the first call."""
+    return address_of(_grid_plane, _ARGUMENTS)

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from phys4dgen.mpm.kernels.layout import MASS, POSITION, VOLUME, kernel, strict_kernel
+from phys4dgen.mpm.kernels.layout import MASS, POSITION, VOLUME, inner_kernel, strict_kernel
 
 __all__ = ["CANDIDATES", "MOMENTS", "field_moments", "limit_pairs", "list_particles", "widest_gaps"]
 
@@ -204,7 +204,7 @@ def widest_gaps(particles, field_of, inverse_dx, mass_unit, nodes, slots, starts
         planes[pair, 3] = gap
 
 
-@kernel
+@inner_kernel
 def limit_pairs(plane, nodes_x, velocity, unblocked, pairs, grid, resting, dt):
     """Let the fields of one plane of nodes not move into one another.
 

@@ -16,11 +16,12 @@ SIGGRAPH 2020 (fused grid-to-particle-to-grid). Paper: Sec. C.2.
 from __future__ import annotations
 
 import numpy as np
+from numba.core import types
 
-from phys4dgen.mpm.kernels.law_columns import advance_gradient, stress
+from phys4dgen.mpm.kernels.by_address import FLOATS, address_of, caller_of
+from phys4dgen.mpm.kernels.law_step import STRESS, VELOCITY_GRADIENT, call_law
 from phys4dgen.mpm.kernels.layout import (
     AFFINE,
-    DISPLACEMENT_GRADIENT,
     FUSED,
     GATHER_ONLY,
     LANES,
@@ -31,7 +32,7 @@ from phys4dgen.mpm.kernels.layout import (
     SCATTER_ONLY,
     VELOCITY,
     VOLUME,
-    kernel,
+    inner_kernel,
 )
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
 from phys4dgen.vector.lanes import add_compensated, constant16, floor, like, maximum, minimum, splat16, to_int
@@ -45,7 +46,7 @@ from phys4dgen.vector.shuffles import (
     store_transposed,
 )
 
-__all__ = ["particle_pass"]
+__all__ = ["address_of_pass", "call_pass"]
 
 _f = np.float32
 _z_offset = constant16([-1] * 4 + [0] * 4 + [1] * 4 + [0] * 4)
@@ -135,12 +136,12 @@ def _gather(velocity, weights, nodes, gathered, sx, sy):
         store(gathered, o, group_sums(s, (t2 - t0) * wz, (x0 * u0 + x1 * u1 + x2 * u2) * wz, s * kz))
 
 
-@kernel
-def particle_pass(law, stage, first, last, particles, stride, velocity, momentum, grid, bounds, inverse_dx, dt, kicks):
+@inner_kernel
+def _particle_pass(law, stage, first, last, particles, stride, velocity, momentum, grid, bounds, inverse_dx, dt, kicks):
     """Advance particles [first, last) of one law by one substep and scatter what the next one needs.
 
     Args:
-        law: the constitutive law (a ``Law``; the kernel is compiled for it).
+        law: address of the constitutive law (``law_step.address_of_law``).
         stage: SCATTER_ONLY, FUSED or GATHER_ONLY.
         first: first particle of the range.
         last: one past its last; both are multiples of LANES.
@@ -170,37 +171,28 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
     a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = zero
     for batch in range(first, last, LANES):
         position = load_columns32(particles, POSITION * stride + batch, stride, 3)
-        h = load_columns32(particles, DISPLACEMENT_GRADIENT * stride + batch, stride, 9)
         fx, fy, fz = _prepare_weights(position, shift, bounds, inverse_dx, weights, nodes)
-        k = _f(4) * inverse_dx
         if stage == SCATTER_ONLY:
             v0, v1, v2 = load_columns32(particles, VELOCITY * stride + batch, stride, 3)
-            c00, c01, c02, c10, c11, c12, c20, c21, c22 = load_columns32(particles, AFFINE * stride + batch, stride, 9)
-            inverse = _f(1) / k
-            b00, b01, b02 = inverse * c00, inverse * c01, inverse * c02
-            b10, b11, b12 = inverse * c10, inverse * c11, inverse * c12
-            b20, b21, b22 = inverse * c20, inverse * c21, inverse * c22
+            c = load_columns32(particles, AFFINE * stride + batch, stride, 9)
             law_dt = _f(0)  # the state is that of this moment
         else:
             _gather(velocity, weights, nodes, rows, sx, sy)
             v0, v1, v2, _0, b00, b10, b20, _1, b01, b11, b21, _2, b02, b12, b22, _3 = load_transposed32(rows, 0)
-            b00, b10, b20 = b00 - v0 * fx, b10 - v1 * fx, b20 - v2 * fx
-            b01, b11, b21 = b01 - v0 * fy, b11 - v1 * fy, b21 - v2 * fy
-            b02, b12, b22 = b02 - v0 * fz, b12 - v1 * fz, b22 - v2 * fz
+            k = _f(4) * inverse_dx
+            c00, c10, c20 = k * (b00 - v0 * fx), k * (b10 - v1 * fx), k * (b20 - v2 * fx)
+            c01, c11, c21 = k * (b01 - v0 * fy), k * (b11 - v1 * fy), k * (b21 - v2 * fy)
+            c02, c12, c22 = k * (b02 - v0 * fz), k * (b12 - v1 * fz), k * (b22 - v2 * fz)
+            c = (c00, c01, c02, c10, c11, c12, c20, c21, c22)
             at = POSITION * stride + batch
             rest_at = POSITION_REST * stride + batch
             position = _advance3(particles, at, rest_at, stride, position, (v0 * dt, v1 * dt, v2 * dt))
-            if stage == GATHER_ONLY:
-                store_columns(particles, VELOCITY * stride + batch, stride, (v0, v1, v2))
-                c = (k * b00, k * b01, k * b02, k * b10, k * b11, k * b12, k * b20, k * b21, k * b22)
-                store_columns(particles, AFFINE * stride + batch, stride, c)
-            f = k * dt
-            g = (f * b00, f * b01, f * b02, f * b10, f * b11, f * b12, f * b20, f * b21, f * b22)
-            h = advance_gradient(law, particles, batch, stride, h, g)
             law_dt = dt
-        c = (k * b00, k * b01, k * b02, k * b10, k * b11, k * b12, k * b20, k * b21, k * b22)
-        tau = stress(law, particles, batch, stride, h, c, law_dt)
+        store_columns(rows, VELOCITY_GRADIENT, LANES, c)
+        call_law(law, particles, batch, stride, rows, law_dt)
         if stage == GATHER_ONLY:
+            store_columns(particles, VELOCITY * stride + batch, stride, (v0, v1, v2))
+            store_columns(particles, AFFINE * stride + batch, stride, load_columns32(rows, VELOCITY_GRADIENT, LANES, 9))
             continue
         if stage == FUSED:
             fx, fy, fz = _prepare_weights(position, shift, bounds, inverse_dx, weights, nodes)
@@ -216,12 +208,13 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
             v1 = v1 + load32(kick, LANES) - beta * v1
             v2 = v2 + load32(kick, 2 * LANES) - beta * v2
         mass = load32(particles, MASS * stride + batch)
-        m4 = _f(4) * mass
+        m = mass / inverse_dx  # so that 4 m B = m dx C
         q = load32(particles, VOLUME * stride + batch) * (_f(-4) * inverse_dx * dt)
-        t00, t01, t02, t11, t12, t22 = tau
-        a_xx, a_xy, a_xz = m4 * b00 + q * t00, m4 * b01 + q * t01, m4 * b02 + q * t02
-        a_yx, a_yy, a_yz = m4 * b10 + q * t01, m4 * b11 + q * t11, m4 * b12 + q * t12
-        a_zx, a_zy, a_zz = m4 * b20 + q * t02, m4 * b21 + q * t12, m4 * b22 + q * t22
+        t00, t01, t02, t11, t12, t22 = load_columns32(rows, STRESS, LANES, 6)
+        c00, c01, c02, c10, c11, c12, c20, c21, c22 = load_columns32(rows, VELOCITY_GRADIENT, LANES, 9)
+        a_xx, a_xy, a_xz = m * c00 + q * t00, m * c01 + q * t01, m * c02 + q * t02
+        a_yx, a_yy, a_yz = m * c10 + q * t01, m * c11 + q * t11, m * c12 + q * t12
+        a_zx, a_zy, a_zz = m * c20 + q * t02, m * c21 + q * t12, m * c22 + q * t22
         # momentum at the central node, from where A carries it to the others
         p0 = mass * v0 - a_xx * fx - a_xy * fy - a_xz * fz
         p1 = mass * v1 - a_yx * fx - a_yy * fy - a_yz * fz
@@ -260,3 +253,28 @@ def particle_pass(law, stage, first, last, particles, stride, velocity, momentum
         _add_rows(momentum, pending + sx, sy, a10, a11, a12)
         _add_rows(momentum, pending + 2 * sx, sy, a20, a21, a22)
     restore_float_state(state)
+
+
+_ARGUMENTS = (
+    types.int64,  # law
+    types.int64,  # stage
+    types.int64,  # first
+    types.int64,  # last
+    FLOATS,  # particles
+    types.int64,  # stride
+    FLOATS,  # velocity
+    FLOATS,  # momentum
+    types.UniTuple(types.int64, 5),  # grid
+    types.Array(types.int32, 1, "C"),  # bounds
+    types.float32,  # inverse_dx
+    types.float32,  # dt
+    types.Array(types.float32, 2, "C"),  # kicks
+)
+
+call_pass = caller_of(_ARGUMENTS)
+"""Inside kernels: the particle pass at an address, with its arguments."""
+
+
+def address_of_pass() -> int:
+    """Address of the particle pass; compiled or taken from Numba's cache at the first call."""
+    return address_of(_particle_pass, _ARGUMENTS)

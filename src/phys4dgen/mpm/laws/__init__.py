@@ -10,7 +10,7 @@ from phys4dgen.mpm.laws.fixed_corotated import FIXED_COROTATED
 from phys4dgen.mpm.laws.fluid import FLUID
 from phys4dgen.mpm.laws.herschel_bulkley import HERSCHEL_BULKLEY
 from phys4dgen.mpm.laws.kelvin_voigt import damped
-from phys4dgen.mpm.laws.law import LAWS, Gradient, Law, LawId, respond
+from phys4dgen.mpm.laws.law import LAWS, Gradient, Law, LawId
 from phys4dgen.mpm.laws.neo_hookean import NEO_HOOKEAN
 from phys4dgen.mpm.laws.snow import SNOW
 from phys4dgen.mpm.laws.stvk_hencky import STVK_HENCKY
@@ -32,5 +32,4 @@ __all__ = [
     "Law",
     "LawId",
     "damped",
-    "respond",
 ]

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 from numba.core import types
-from numba.extending import NativeValue, models, overload, register_model, typeof_impl, unbox
+from numba.extending import NativeValue, models, register_model, typeof_impl, unbox
 from numpy.typing import NDArray
 
-__all__ = ["INLINE", "LAWS", "Gradient", "Law", "LawId", "LawType", "law_named", "register", "respond"]
+__all__ = ["INLINE", "LAWS", "Gradient", "Law", "LawId", "LawType", "law_named", "register"]
 
 INLINE: Any = {"forceinline": True, "fastmath": True, "error_model": "numpy"}
 """Options of overloads that are inlined into a kernel."""
@@ -135,18 +135,3 @@ def _typeof_law(law: Law, context: Any) -> LawType:
 @unbox(LawType)
 def _unbox_law(law_type: Any, value: Any, context: Any) -> NativeValue:
     return NativeValue(context.context.get_dummy_value())
-
-
-def respond(law: Any, h: Any, c: Any, dt: Any, parameters: Any, state: Any) -> Any:
-    """Inside kernels: ``Law.response`` of ``law``."""
-    raise NotImplementedError("respond works inside compiled kernels only.")
-
-
-@overload(respond, jit_options=INLINE)
-def _respond(law, h, c, dt, parameters, state):
-    response = law_named(law.law_name).response
-
-    def call(law, h, c, dt, parameters, state):
-        return response(h, c, dt, parameters, state)
-
-    return call
