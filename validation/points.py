@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import phys4dgen
 from phys4dgen.mpm import Body, LawId
-from phys4dgen.mpm.kernels.law_step import STRESS, advance_law
+from phys4dgen.mpm.kernels.law_step import STRESS, law_step
 from phys4dgen.mpm.kernels.layout import DISPLACEMENT_GRADIENT, LAW_COLUMNS
 
 __all__ = ["COUNT", "Points", "deviator"]
@@ -35,7 +35,7 @@ _forget_stale_kernels()
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def _step(law: Any, particles: Any, rows: Any, dt: Any) -> None:
-    advance_law(law, particles, 0, COUNT, rows, dt)
+    law_step(law, particles, 0, COUNT, rows, dt)
 
 
 class Points:

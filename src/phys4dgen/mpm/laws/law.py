@@ -17,10 +17,7 @@ from numba.core import types
 from numba.extending import NativeValue, models, register_model, typeof_impl, unbox
 from numpy.typing import NDArray
 
-__all__ = ["INLINE", "LAWS", "Gradient", "Law", "LawId", "LawType", "law_named", "register"]
-
-INLINE: Any = {"forceinline": True, "fastmath": True, "error_model": "numpy"}
-"""Options of overloads that are inlined into a kernel."""
+__all__ = ["LAWS", "Gradient", "Law", "LawId", "LawType", "law_named", "register"]
 
 
 class LawId(IntEnum):
