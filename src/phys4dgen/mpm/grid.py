@@ -105,6 +105,7 @@ class Grid:
         ``cells`` are the particles' lowest world nodes in sorted order, ``ranges`` as in ``step.advance``.
         """
         planes = field_of_range * self.nodes[0]
+        self._spans[:] = 0
         span_rows(cells, ranges, planes, self.shift, self._spans)
         bounds = np.zeros((*ranges.shape[:2], 6), np.int32)
         bounds[..., 2::2] = extent[2::2] - self.shift[1:] - _DRIFT

@@ -23,11 +23,10 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
+from phys4dgen.mpm.kernels.chunk_pass import call_chunk_pass, rigid_chunk
 from phys4dgen.mpm.kernels.grid_pass import call_grid_plane
-from phys4dgen.mpm.kernels.layout import FUSED, GATHER_ONLY, SCATTER_ONLY, inner_kernel, parallel_kernel
-from phys4dgen.mpm.kernels.particle_pass import call_pass
-from phys4dgen.mpm.kernels.rigid_pass import clear_sums, move_rigid, place_rigid, sum_rigid
-from phys4dgen.mpm.kernels.sorting import take_sorted
+from phys4dgen.mpm.kernels.layout import FUSED, GATHER_ONLY, SCATTER_ONLY, parallel_kernel
+from phys4dgen.mpm.kernels.rigid_pass import move_rigid
 
 __all__ = ["advance"]
 
@@ -36,8 +35,7 @@ _GRID, _PARTICLES, _RIGID = 0, 1, 2  # phases of a substep; all threads finish o
 
 @parallel_kernel
 def advance(
-    grid_plane,
-    particle_pass,
+    kernels,
     laws,
     unsorted,
     particles,
@@ -64,8 +62,9 @@ def advance(
     """Sort the particles, then advance them by one segment.
 
     Args:
-        grid_plane: address of the update of a plane of the grid (``grid_pass.address_of_grid_plane``).
-        particle_pass: address of the particle pass (``particle_pass.address_of_pass``).
+        kernels: addresses of what does (a) and (b): ``grid_pass.address_of_grid_plane``,
+            ``pair_contact.address_of_limit_pairs`` or 0 where there is one velocity field,
+            ``chunk_pass.address_of_chunk_pass`` and ``particle_pass.address_of_pass``.
         laws: address of each law present (``law_step.address_of_law``), int64 [laws].
         unsorted: particle columns as the last segment left them, float32 [columns, stride].
         particles: result, the same columns in the new order.
@@ -89,12 +88,14 @@ def advance(
         undamped: rigid motion that damping spares in each substep, float32 [substeps, 9] (see ``grid_plane``).
         rigid: None, or ``RigidParts.kernel_arguments``; the last laws of ``ranges`` are then those of rigid particles.
     """
+    grid_plane, limit_pairs, chunk_pass, particle_pass = kernels
     substeps = len(gains)
     chunks = spans.shape[0]
     phases = 2 if rigid is None else 3
+    soft = len(laws) if rigid is None else rigid[0]
     unblocked = velocity[:0] if rigid is None else rigid[1]
     for substep in range(substeps + 1):
-        now, coming = max(substep - 1, 0), min(substep, substeps - 1)
+        now, coming = max(substep - 1, 0), min(substep, len(kicks) - 1)
         stage = SCATTER_ONLY if substep == 0 else GATHER_ONLY if substep == substeps else FUSED
         for phase in range(_PARTICLES if substep == 0 else _GRID, 2 if substep == 0 else phases):
             if rigid is not None and phase == _RIGID:
@@ -106,60 +107,16 @@ def advance(
                 item = np.int64(index)  # unsigned inside the loop alone: the callees would be compiled for both
                 if phase == _GRID:
                     call_grid_plane(
-                        grid_plane, item, nodes_x, spans, momentum, velocity, unblocked, free, contacts, pairs, grid, dx, dt,
-                        gains[now], damping, undamped[now],
+                        grid_plane, item, nodes_x, spans, momentum, velocity, unblocked, free, contacts, limit_pairs,
+                        pairs, grid, dx, dt, gains, damping, undamped, now,
                     )  # fmt: skip
-                else:
-                    kick = kicks[min(coming, len(kicks) - 1)]
-                    _chunk_phase(
-                        item, phase, stage, particle_pass, laws, ranges[:, item], fields, unsorted, particles, order, velocity,
-                        momentum[item], grid, nodes_x, bounds, dx, dt, kick, rigid,
+                elif phase == _PARTICLES:
+                    call_chunk_pass(
+                        chunk_pass, item, stage, particle_pass, laws, soft, ranges, fields, unsorted, particles, order,
+                        velocity, momentum, grid, nodes_x, bounds, dx, dt, kicks, coming,
                     )  # fmt: skip
-
-
-@inner_kernel
-def _grid_of(grid, first_plane):
-    """The grid as particles of the velocity field that begins with a plane see it."""
-    return grid[0] - first_plane, grid[1], grid[2], grid[3], grid[4]
-
-
-@inner_kernel
-def _chunk_phase(
-    chunk, phase, stage, particle_pass, laws, ranges, fields, unsorted, particles, order, velocity, momentum, grid,
-    nodes_x, bounds, dx, dt, kick, rigid,
-):  # fmt: skip
-    """One phase of a substep for the particles of one chunk."""
-    flat = particles.ravel()
-    stride = particles.shape[1]
-    soft = len(laws) if rigid is None else rigid[0]
-    inverse_dx = np.float32(1) / dx
-    for law in range(len(laws)):
-        first, last = ranges[law]
-        if stage == SCATTER_ONLY:
-            take_sorted(unsorted, particles, order, first, last)
-        if phase == _PARTICLES and (law < soft or stage == SCATTER_ONLY):
-            own_grid = _grid_of(grid, fields[law] * nodes_x)
-            call_pass(
-                particle_pass, laws[law], stage, first, last, flat, stride, velocity, momentum, own_grid, bounds[law, chunk],
-                inverse_dx, dt, kick,
-            )  # fmt: skip
-    if rigid is not None and stage != SCATTER_ONLY:
-        unblocked, group_of, offsets, constraint, motion, sums = rigid[1:7]
-        for law in range(soft, len(laws)):
-            first, last = ranges[law]
-            own_grid = _grid_of(grid, fields[law] * nodes_x)
-            if phase == _PARTICLES:
-                call_pass(
-                    particle_pass, laws[law], GATHER_ONLY, first, last, flat, stride, unblocked, momentum, own_grid,
-                    bounds[law, chunk], inverse_dx, dt, kick,
-                )  # fmt: skip
-                if law == soft:
-                    clear_sums(sums[chunk])
-                sum_rigid(particles, first, last, group_of, offsets, motion, dx, sums[chunk])
-            else:
-                place_rigid(particles, first, last, group_of, offsets, motion, constraint)
-                if stage == FUSED:
-                    call_pass(
-                        particle_pass, laws[law], SCATTER_ONLY, first, last, flat, stride, velocity, momentum, own_grid,
-                        bounds[law, chunk], inverse_dx, dt, kick,
+                if rigid is not None and stage != SCATTER_ONLY and phase != _GRID:
+                    rigid_chunk(
+                        item, phase == _PARTICLES, stage, particle_pass, laws, ranges, fields, particles, velocity,
+                        momentum, grid, nodes_x, bounds, dx, dt, kicks, coming, rigid,
                     )  # fmt: skip

@@ -11,10 +11,12 @@ from typing import Any
 import numba.extending
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.imputils import impl_ret_borrowed
+from numba.np.arrayobj import populate_array
 
 from phys4dgen.vector.lanes import Lanes, float32x32
 
-__all__ = ["element_pointer", "load16", "load32", "load_columns32", "load_vector", "store", "store_columns"]
+__all__ = ["element_pointer", "flat", "load16", "load32", "load_columns32", "load_vector", "store", "store_columns"]
 
 intrinsic: Any = numba.extending.intrinsic  # to a type checker, opaque: it changes the signature
 
@@ -35,6 +37,23 @@ def load_vector(context: Any, builder: Any, sig: Any, args: Any, vector: ir.Vect
 
 def _array_kind(array: Any) -> str:
     return "int32" if array.dtype == types.int32 else "float32"
+
+
+@intrinsic
+def flat(typing_context, array):
+    """A contiguous array as one of one dimension: ``ndarray.ravel``, which takes far longer to compile."""
+    result = types.Array(array.dtype, 1, "C")
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        given = context.make_array(array)(context, builder, args[0])
+        made = context.make_array(result)(context, builder)
+        populate_array(
+            made, data=given.data, shape=[given.nitems], strides=[given.itemsize], itemsize=given.itemsize,
+            meminfo=given.meminfo, parent=given.parent,
+        )  # fmt: skip
+        return impl_ret_borrowed(context, builder, result, made._getvalue())
+
+    return result(array), emit
 
 
 @intrinsic

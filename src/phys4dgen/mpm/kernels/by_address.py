@@ -28,7 +28,7 @@ def address_of(kernel: Any, arguments: tuple[types.Type, ...]) -> int:
 
 
 def caller_of(arguments: tuple[types.Type, ...]) -> Any:
-    """Make a function for use in kernels: (address, \\*arguments) -> None calls the kernel at an address (int64).
+    """Make a function for use in kernels that takes an address (int64) and arguments and calls the kernel there.
 
     The kernel must have been compiled for just these types; numbers that are passed are converted to them. Arguments
     of opaque types carry no data and are left out.

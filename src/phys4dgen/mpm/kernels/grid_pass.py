@@ -14,7 +14,7 @@ from numba.core import types
 from phys4dgen.mpm.kernels.by_address import FLOATS, address_of, caller_of
 from phys4dgen.mpm.kernels.contact import allowed_velocity
 from phys4dgen.mpm.kernels.layout import inner_kernel
-from phys4dgen.mpm.kernels.pair_contact import limit_pairs
+from phys4dgen.mpm.kernels.pair_contact import PAIRS, call_limit_pairs
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
 from phys4dgen.vector.lanes import constant16, maximum, splat16, where
 from phys4dgen.vector.memory import load16, store
@@ -38,8 +38,10 @@ def _row_span(spans, plane, row):
     for chunk in range(spans.shape[0]):
         first, last = spans[chunk, plane, row, 0], spans[chunk, plane, row, 1]
         if last > first:
-            low = min(low, first) if high > 0 else first
-            high = max(high, last)
+            if high == 0 or first < low:
+                low = first
+            if last > high:
+                high = last
     return low, high
 
 
@@ -115,8 +117,9 @@ def _limit(plane, field, nodes_x, spans, velocity, unblocked, contacts, grid, dt
 
 @inner_kernel
 def _grid_plane(
-    plane, nodes_x, spans, momentum, velocity, unblocked, free, contacts, pairs, grid, dx, dt, gain, damping, rigid
-):
+    plane, nodes_x, spans, momentum, velocity, unblocked, free, contacts, limit_pairs, pairs, grid, dx, dt, gains,
+    damping, undamped, substep,
+):  # fmt: skip
     """Update one plane of nodes of all fields.
 
     A plant fills little of its box: only the nodes that some chunk may have written to are visited.
@@ -132,15 +135,19 @@ def _grid_plane(
         free: 1 where a node may move, 0 where it is held, per node, float32.
         contacts: nodes where something limits the velocity, in the order of rows (``contacts.contact_arrays``); the
             impulses that it takes are added up.
+        limit_pairs: address of ``pair_contact.limit_pairs``; unused where there is one field.
         pairs: nodes where fields meet (``pair_contact.limit_pairs``).
         grid: (shift_x, shift_y, shift_z, ny, nz).
         dx: cell side in metres, float32.
         dt: substep in seconds, float32.
-        gain: velocity that all nodes gain in this substep, m/s, [3].
-        damping: share of the velocity relative to ``rigid`` that is lost in this substep.
-        rigid: velocity field that is not damped: linear velocity, angular velocity, centre (m), [9].
+        gains: velocity that all nodes gain in each substep, m/s, [substeps, 3].
+        damping: share of the velocity relative to ``undamped`` that is lost in a substep.
+        undamped: velocity field that is not damped in each substep: linear velocity, angular velocity, centre (m),
+            [substeps, 9].
+        substep: which one this is.
     """
     state = begin_flush_to_zero()
+    gain, rigid = gains[substep], undamped[substep]
     fields = spans.shape[1] // nodes_x
     for field in range(fields):
         _set_velocities(
@@ -148,16 +155,23 @@ def _grid_plane(
         )
     if fields > 1:
         resting = math.sqrt(gain[0] * gain[0] + gain[1] * gain[1] + gain[2] * gain[2])
-        limit_pairs(plane, nodes_x, velocity, unblocked, pairs, grid, resting, dt)
+        call_limit_pairs(limit_pairs, plane, nodes_x, velocity, unblocked, pairs, grid, resting, dt)
     for field in range(fields):
         _limit(plane, field, nodes_x, spans, velocity, unblocked, contacts, grid, dt)
     restore_float_state(state)
 
 
-_INTS = types.Array(types.int32, 1, "C")
-_INT_ROWS = types.Array(types.int32, 2, "C")
 _FLOAT_ROWS = types.Array(types.float32, 2, "C")
 _FLOAT_TABLES = types.Array(types.float32, 3, "C")
+_CONTACTS = types.Tuple(
+    (
+        types.Array(types.int32, 1, "C"),
+        types.Array(types.int32, 2, "C"),
+        _FLOAT_ROWS,
+        _FLOAT_TABLES,
+        _FLOAT_TABLES,
+    )
+)
 _ARGUMENTS = (
     types.int64,  # plane
     types.int64,  # nodes_x
@@ -166,14 +180,16 @@ _ARGUMENTS = (
     FLOATS,  # velocity
     FLOATS,  # unblocked
     FLOATS,  # free
-    types.Tuple((_INTS, _INT_ROWS, _FLOAT_ROWS, _FLOAT_TABLES, _FLOAT_TABLES)),  # contacts
-    types.Tuple((_INTS, _INT_ROWS, _FLOAT_ROWS, FLOATS)),  # pairs
+    _CONTACTS,
+    types.int64,  # limit_pairs
+    PAIRS,
     types.UniTuple(types.int64, 5),  # grid
     types.float32,  # dx
     types.float32,  # dt
-    FLOATS,  # gain
+    _FLOAT_ROWS,  # gains
     types.float32,  # damping
-    FLOATS,  # rigid
+    _FLOAT_ROWS,  # undamped
+    types.int64,  # substep
 )
 
 call_grid_plane = caller_of(_ARGUMENTS)

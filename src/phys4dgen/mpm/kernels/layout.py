@@ -63,7 +63,7 @@ strict_kernel: Any = numba.njit(**_OPTIONS)
 """Decorator of a compiled, cached kernel in which NaN and infinity keep their meaning."""
 kernel: Any = numba.njit(fastmath=True, **_OPTIONS)
 """Decorator of a compiled, cached kernel."""
-inner_kernel: Any = numba.njit(fastmath=True, no_cpython_wrapper=True, **_OPTIONS)
-"""The same for kernels that only other kernels call: compiled faster."""
+inner_kernel: Any = numba.njit(fastmath=True, **(_OPTIONS | {"no_cpython_wrapper": True}))
+"""The same for kernels that only other kernels call, compiled faster."""
 parallel_kernel: Any = numba.njit(parallel=True, fastmath=True, **_OPTIONS)
 """Decorator of a compiled, cached kernel whose ``prange`` loops run on all threads."""

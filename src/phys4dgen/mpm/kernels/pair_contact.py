@@ -14,10 +14,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba.core import types
 
+from phys4dgen.mpm.kernels.by_address import FLOATS, address_of, caller_of
 from phys4dgen.mpm.kernels.layout import MASS, POSITION, VOLUME, inner_kernel, strict_kernel
 
-__all__ = ["CANDIDATES", "MOMENTS", "field_moments", "limit_pairs", "list_particles", "widest_gaps"]
+__all__ = [
+    "CANDIDATES",
+    "MOMENTS",
+    "PAIRS",
+    "address_of_limit_pairs",
+    "call_limit_pairs",
+    "field_moments",
+    "list_particles",
+    "widest_gaps",
+]
 
 CANDIDATES = 4
 """Normals that the search at each node begins with."""
@@ -205,7 +216,7 @@ def widest_gaps(particles, field_of, inverse_dx, mass_unit, nodes, slots, starts
 
 
 @inner_kernel
-def limit_pairs(plane, nodes_x, velocity, unblocked, pairs, grid, resting, dt):
+def _limit_pairs(plane, nodes_x, velocity, unblocked, pairs, grid, resting, dt):
     """Let the fields of one plane of nodes not move into one another.
 
     Args:
@@ -254,3 +265,33 @@ def limit_pairs(plane, nodes_x, velocity, unblocked, pairs, grid, resting, dt):
                         unblocked[at_a + axis] -= (1 - to_b) * change
                 apart = least
             gaps[pair] = gap + apart * dt
+
+
+PAIRS = types.Tuple(
+    (
+        types.Array(types.int32, 1, "C"),
+        types.Array(types.int32, 2, "C"),
+        types.Array(types.float32, 2, "C"),
+        FLOATS,
+    )
+)
+"""Type of ``pairs``."""
+
+_ARGUMENTS = (
+    types.int64,  # plane
+    types.int64,  # nodes_x
+    FLOATS,  # velocity
+    FLOATS,  # unblocked
+    PAIRS,
+    types.UniTuple(types.int64, 5),  # grid
+    types.float32,  # resting
+    types.float32,  # dt
+)
+
+call_limit_pairs = caller_of(_ARGUMENTS)
+"""Inside kernels: let the fields of a plane not move into one another, by the function at an address."""
+
+
+def address_of_limit_pairs() -> int:
+    """Address of what lets fields not move into one another; compiled or from Numba's cache at the first call."""
+    return address_of(_limit_pairs, _ARGUMENTS)

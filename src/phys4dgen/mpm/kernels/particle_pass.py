@@ -198,7 +198,7 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
             fx, fy, fz = _prepare_weights(position, shift, bounds, inverse_dx, weights, nodes)
         if kicks.shape[0] > 0:
             for lane in range(LANES):
-                row = int(particles[LOAD * stride + batch + lane])
+                row = np.int64(particles[LOAD * stride + batch + lane])
                 kick[lane] = kicks[row, 0]
                 kick[LANES + lane] = kicks[row, 1]
                 kick[2 * LANES + lane] = kicks[row, 2]
