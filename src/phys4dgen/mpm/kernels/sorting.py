@@ -128,8 +128,7 @@ def span_rows(cells, ranges, fields, shift, spans):
                 low, high = (z - 1) & ~3, (z + 5 + 3) & ~3
                 for plane in range(fields[law] + x - 1, fields[law] + x + 4):
                     for row in range(y - 1, y + 4):
-                        span = spans[chunk, plane, row]
-                        if span[1] == 0 or low < span[0]:
-                            span[0] = low
-                        if high > span[1]:
-                            span[1] = high
+                        if spans[chunk, plane, row, 1] == 0 or low < spans[chunk, plane, row, 0]:
+                            spans[chunk, plane, row, 0] = low
+                        if high > spans[chunk, plane, row, 1]:
+                            spans[chunk, plane, row, 1] = high
