@@ -63,7 +63,8 @@ strict_kernel: Any = numba.njit(**_OPTIONS)
 """Decorator of a compiled, cached kernel in which NaN and infinity keep their meaning."""
 kernel: Any = numba.njit(fastmath=True, **_OPTIONS)
 """Decorator of a compiled, cached kernel."""
-inner_kernel: Any = numba.njit(fastmath=True, **(_OPTIONS | {"no_cpython_wrapper": True}))
+_INNER_OPTIONS: dict[str, Any] = {**_OPTIONS, "no_cpython_wrapper": True}
+inner_kernel: Any = numba.njit(fastmath=True, **_INNER_OPTIONS)
 """The same for kernels that only other kernels call, compiled faster."""
 parallel_kernel: Any = numba.njit(parallel=True, fastmath=True, **_OPTIONS)
 """Decorator of a compiled, cached kernel whose ``prange`` loops run on all threads."""
