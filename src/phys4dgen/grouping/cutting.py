@@ -34,17 +34,31 @@ def cut_tree(tree: MergeTree, parts: int | None = None, *, level: float = LEVEL)
     Args:
         tree: from ``merge_tree``.
         parts: number of parts wished for (fewer where the tree holds fewer); None decides by cost.
-        level: cost up to which regions join, where no number is given.
+        level: look cost up to which regions join, where no number is given.
     """
     patch_count = len(tree.graph)
     if parts is None:
-        running = np.maximum.accumulate(tree.cost)
-        regions = min(patch_count - int(np.searchsorted(running, level)), MAX_PARTS)
+        label = _join_crumbs(tree.graph, _regions_up_to(tree, level), None)
+        if label.max() < MAX_PARTS:
+            return _join_flecks(tree.graph, label)
+        regions = MAX_PARTS
     else:
         regions = min(max(parts, 1), patch_count)
         while regions < min(MAX_PARTS, patch_count) and _large_regions(tree, regions) < parts:
             regions += 1
     return _join_flecks(tree.graph, _join_crumbs(tree.graph, _regions_at(tree, regions), parts))
+
+
+def _regions_up_to(tree: MergeTree, level: float) -> NDArray[np.int64]:
+    """Region of every patch when no merge with a look cost from ``level`` on is made, nor any of what it would give."""
+    label = np.arange(len(tree.graph))
+    whole = np.ones(len(label), np.bool_)
+    for kept, absorbed, look_cost in zip(tree.kept, tree.absorbed, tree.look_cost, strict=True):
+        if whole[kept] and whole[absorbed] and look_cost < level:
+            label[label == absorbed] = kept
+        else:
+            whole[kept] = False
+    return np.unique(label, return_inverse=True)[1]
 
 
 def _regions_at(tree: MergeTree, regions: int) -> NDArray[np.int64]:

@@ -4,7 +4,13 @@ First neighbouring patches are joined by Ward's criterion (J. Ward, "Hierarchica
 Function", 1963) until a few hundred are left; then any two regions may join, cheapest pair first. The cost of a pair
 grows with the difference of colour and of texture, with the contrast along the common border, with a concave crease and
 a narrow neck there, and slowly with the size of the smaller one. It shrinks where two regions are interlaced, as the
-stripes of a scarf are. Regions that do not touch may join too: the petals of a flower, the two halves of a bun.
+stripes of a scarf are, and where the surface passes smoothly from one to the other: that is paint, or a shadow, and not
+the end of a thing. Regions that do not touch may join too: the petals of a flower, the two halves of a bun; but not
+easily where only creases part what is of one colour (``detour``).
+
+The order of the merges says what to part first when a number of parts is asked for. Without one, what touches and has
+one colour is one part whatever the crease, as the head of a statue on its body: every merge therefore also bears what
+it would cost without that.
 """
 
 from __future__ import annotations
@@ -17,11 +23,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import StageError
+from phys4dgen.grouping.detour import crease_detours
 from phys4dgen.grouping.patch_graph import PatchGraph
 
 __all__ = ["CostWeights", "MergeTree", "merge_tree", "tree_from_arrays"]
 
 _WARD_REGIONS = 300
+_FLAT = -0.2
+"""Crease (``PatchGraph``) of a surface that passes smoothly over the border of two patches: solids are convex."""
+_SMOOTH_BEND = (0.08, 0.22)
+"""Mean difference from that along a border up to which it is smooth, and from which it is not. Along borders of paint
+it was .05 to .2, where two parts meet .25 to .6."""
+_SHEET = 8.0
+"""Weighted thinness of a leaf or a petal: their edges are not folded anyway."""
 
 
 class CostWeights(NamedTuple):
@@ -41,6 +55,10 @@ class CostWeights(NamedTuple):
         area_reference: share of the surface at which the size of the pair neither hinders nor helps.
         area_power: how slowly the cost grows with the size of the pair.
         area_factor_max: largest factor for size.
+        smooth: share of the distance that is taken off where the surface passes smoothly over the border.
+        detour: colour difference that creases between regions of one colour that do not touch are worth, per unit of
+            ``crease_detours``.
+        one_color: cost of colour and texture alone up to which regions that touch look like one.
     """
 
     texture: float = 0.25
@@ -56,6 +74,12 @@ class CostWeights(NamedTuple):
     area_reference: float = 0.05
     area_power: float = 0.18
     area_factor_max: float = 1.5
+    smooth: float = 0.7
+    detour: float = 120.0
+    one_color: float = 7.0
+
+
+_MERGE_ARRAYS = ("kept", "absorbed", "cost", "look_cost")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,16 +91,18 @@ class MergeTree:
         kept: patch number that goes on to name the joined region, shape [S - 1].
         absorbed: patch number that is not used any more, shape [S - 1].
         cost: of each merge, 0 for those by Ward's criterion, shape [S - 1].
+        look_cost: the same without detours, and 0 where the two touch and have one colour, shape [S - 1].
     """
 
     graph: PatchGraph
     kept: NDArray[np.int32]
     absorbed: NDArray[np.int32]
     cost: NDArray[np.float64]
+    look_cost: NDArray[np.float64]
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All numbers by name, for ``groups_tree.npz``; ``tree_from_arrays`` is the way back."""
-        return {**vars(self.graph), "kept": self.kept, "absorbed": self.absorbed, "cost": self.cost}
+        return {**vars(self.graph), **{name: getattr(self, name) for name in _MERGE_ARRAYS}}
 
 
 def tree_from_arrays(arrays: Mapping[str, NDArray[Any]], gaussian_count: int) -> MergeTree:
@@ -86,11 +112,11 @@ def tree_from_arrays(arrays: Mapping[str, NDArray[Any]], gaussian_count: int) ->
         StageError: an array is missing, or they do not make a tree of ``gaussian_count`` Gaussians.
     """
     graph_names = [field.name for field in fields(PatchGraph)]
-    missing = [name for name in (*graph_names, "kept", "absorbed", "cost") if name not in arrays]
+    missing = [name for name in (*graph_names, *_MERGE_ARRAYS) if name not in arrays]
     if missing:
         raise StageError(f"groups_tree.npz: expected an array called {missing[0]}, got none; run grouping again.")
     graph = PatchGraph(**{name: arrays[name] for name in graph_names})
-    tree = MergeTree(graph, kept=arrays["kept"], absorbed=arrays["absorbed"], cost=arrays["cost"])
+    tree = MergeTree(graph, **{name: arrays[name] for name in _MERGE_ARRAYS})
     count = len(graph)
     numbers_fit = (
         graph.patch.shape == graph.visible.shape == (gaussian_count,)
@@ -100,7 +126,7 @@ def tree_from_arrays(arrays: Mapping[str, NDArray[Any]], gaussian_count: int) ->
         and graph.spread.shape == (count, 3)
         and graph.touching.ndim == 2
         and all(len(array) == len(graph.touching) for array in (graph.border, graph.crease))
-        and all(len(array) == count - 1 for array in (tree.kept, tree.absorbed, tree.cost))
+        and all(len(array) == count - 1 for array in (tree.kept, tree.absorbed, tree.cost, tree.look_cost))
         and all(
             array.dtype.kind in "iu" and array.max(initial=0) < count and array.min(initial=0) >= -1
             for array in (graph.patch, graph.touching, tree.kept, tree.absorbed)
@@ -114,14 +140,24 @@ def tree_from_arrays(arrays: Mapping[str, NDArray[Any]], gaussian_count: int) ->
     return tree
 
 
+class _Merge(NamedTuple):
+    """One merge: the patches that name the two regions, and what it cost (``MergeTree``)."""
+
+    kept: int
+    absorbed: int
+    cost: float = 0.0
+    look_cost: float = 0.0
+
+
 def merge_tree(graph: PatchGraph, *, weights: CostWeights = CostWeights()) -> MergeTree:
     """Join all patches, cheapest pair first, and remember the order."""
     merges = _agglomerate_all(_Regions(graph, weights), until=1)
     return MergeTree(
         graph=graph,
-        kept=np.array([kept for kept, _, _ in merges], np.int32),
-        absorbed=np.array([absorbed for _, absorbed, _ in merges], np.int32),
-        cost=np.array([cost for _, _, cost in merges], np.float64),
+        kept=np.array([merge.kept for merge in merges], np.int32),
+        absorbed=np.array([merge.absorbed for merge in merges], np.int32),
+        cost=np.array([merge.cost for merge in merges], np.float64),
+        look_cost=np.array([merge.look_cost for merge in merges], np.float64),
     )
 
 
@@ -135,11 +171,17 @@ class _Regions:
         self.spread = graph.spread.copy()
         self.area = graph.area.copy()
         self.alive = np.ones(count, np.bool_)
-        self.border, self.contrast, self.crease = (np.zeros((count, count)) for _ in range(3))
+        self.border, self.contrast, self.crease, self.bend = (np.zeros((count, count)) for _ in range(4))
         i, j = graph.touching.T
         contrast = np.linalg.norm(self.feature[i] - self.feature[j], axis=1)
-        for table, values in ((self.border, 1), (self.contrast, contrast), (self.crease, graph.crease)):
+        bend = np.abs(graph.crease - _FLAT)
+        for table, values in (
+            (self.border, 1), (self.contrast, contrast), (self.crease, graph.crease), (self.bend, bend),
+        ):  # fmt: skip
             table[i, j] = table[j, i] = graph.border * values
+        # Summed over pairs of patches by their areas, those within one region on the diagonal.
+        self.detour = crease_detours(graph) * np.outer(self.area, self.area)
+        self.look_cost = np.zeros((count, count))
         # Neighbour pairs around a compact region whose area is the whole surface's.
         around = self.border.sum(1)
         self.side = float(np.median(around[around > 0]) / np.sqrt(np.median(graph.area))) if around.any() else 1.0
@@ -156,20 +198,41 @@ class _Regions:
         color = ((self.feature - self.feature[i]) ** 2).sum(1)
         texture = ((self.spread - self.spread[i]) ** 2).sum(1)
         distance = np.sqrt(color + w.texture * texture)
+        common = self.area[i] * self.area / (self.area[i] + self.area)
+        size = np.minimum((common / w.area_reference) ** w.area_power, w.area_factor_max)
+        touches = self.border[i] > 0
+        touching = self._touching(i, distance)
+        apart = w.apart * distance * (1 + w.unequal * np.abs(np.log(self.area / self.area[i])))
+        one_color = touches & (distance * size < w.one_color)
+        self.look_cost[i] = np.where(one_color, 0, np.where(touches, touching, apart) * size)
+        self.look_cost[:, i] = self.look_cost[i]
+        return self._allowed(np.where(touches, touching, np.hypot(apart, self._detour(i))) * size, i)
+
+    def _touching(self, i: int, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distance from region i of regions that touch it, by colour and by the common border; shape [S]."""
+        w = self.weights
         length = self._length(i)
         touching = (1 - w.border) * distance + w.border * self.contrast[i] / length
         touching *= 1 + w.crease * self.crease[i] / length
         smaller = np.minimum(self.area[i], self.area)
         contact = self.border[i] / (self.side * np.sqrt(smaller))  # over the side of a compact region of that area
-        neck = w.neck * np.clip(1 - contact / w.neck_width, 0, 1)
+        wide = np.clip(contact / w.neck_width, 0, 1)
+        full, none = _SMOOTH_BEND
+        touching *= 1 - w.smooth * wide * np.clip((none - self.bend[i] / length) / (none - full), 0, 1) * self._solid(i)
         large = np.minimum(smaller / w.neck_area, 1)
-        touching = np.sqrt(touching**2 + self._fold(i) ** 2 + large * neck**2)
-        touching /= np.maximum(contact, 1) ** w.interlaced
-        apart = w.apart * distance * (1 + w.unequal * np.abs(np.log(self.area / self.area[i])))
-        distance = np.where(self.border[i] > 0, touching, apart)
-        common = self.area[i] * self.area / (self.area[i] + self.area)
-        size = np.minimum((common / w.area_reference) ** w.area_power, w.area_factor_max)
-        return self._allowed(distance * size, i)
+        touching = np.sqrt(touching**2 + self._fold(i) ** 2 + large * (w.neck * (1 - wide)) ** 2)
+        return touching / np.maximum(contact, 1) ** w.interlaced
+
+    def _detour(self, i: int) -> NDArray[np.float64]:
+        """What creases on the ways to region i are worth in units of colour, beyond those within; shape [S]."""
+        between = self.detour[i] / (self.area[i] * self.area)
+        within = np.diag(self.detour) / self.area**2
+        beyond = np.clip(between - np.maximum(within, within[i]), 0, 1)
+        return self.weights.detour * beyond * self._solid(i)
+
+    def _solid(self, i: int) -> NDArray[np.float64]:
+        """1 where neither region nor region i is a sheet, 0 where one is; shape [S]."""
+        return np.clip(1 - np.maximum(self.feature[:, 3], self.feature[i, 3]) / _SHEET, 0, 1)
 
     def _length(self, i: int) -> NDArray[np.float64]:
         """Border with region i in neighbour pairs, 1 where there is none; shape [S]."""
@@ -187,10 +250,12 @@ class _Regions:
         self.spread[i] = np.sqrt((1 - share) * self.spread[i] ** 2 + share * self.spread[j] ** 2)
         self.area[i] = total
         self.alive[j] = False
-        for table in (self.border, self.contrast, self.crease):
+        within = self.detour[i, i] + self.detour[j, j] + 2 * self.detour[i, j]
+        for table in (self.border, self.contrast, self.crease, self.bend, self.detour):
             table[i] += table[j]
             table[i, i] = 0
             table[:, i] = table[i]
+        self.detour[i, i] = within
 
     def _allowed(self, cost: NDArray[np.float64], i: int) -> NDArray[np.float64]:
         cost[~self.alive] = np.inf
@@ -198,15 +263,15 @@ class _Regions:
         return cost
 
 
-def _agglomerate_all(regions: _Regions, *, until: int) -> list[tuple[int, int, float]]:
-    """Join by Ward's criterion, then by cost, until ``until`` regions are left: kept, absorbed, cost of each merge."""
-    merges: list[tuple[int, int, float]] = []
+def _agglomerate_all(regions: _Regions, *, until: int) -> list[_Merge]:
+    """Join by Ward's criterion, then by cost, until ``until`` regions are left."""
+    merges: list[_Merge] = []
     _agglomerate(regions, merges, ward=True, until=max(min(_WARD_REGIONS, len(regions.area)), until))
     _agglomerate(regions, merges, ward=False, until=until)
     return merges
 
 
-def _agglomerate(regions: _Regions, merges: list[tuple[int, int, float]], *, ward: bool, until: int) -> None:
+def _agglomerate(regions: _Regions, merges: list[_Merge], *, ward: bool, until: int) -> None:
     """Join the cheapest pair until ``until`` regions are left or no pair may join; append every merge to ``merges``.
 
     Every region remembers its cheapest partner, so that a merge looks again only at rows that knew one of the pair.
@@ -223,7 +288,7 @@ def _agglomerate(regions: _Regions, merges: list[tuple[int, int, float]], *, war
         j = int(partner[i])
         if not np.isfinite(best[i]):  # by Ward's criterion: no touching regions are left
             return
-        merges.append((i, j, 0.0 if ward else float(best[i])))
+        merges.append(_Merge(i, j) if ward else _Merge(i, j, float(best[i]), float(regions.look_cost[i, j])))
         regions.join(i, j)
         row = row_cost(i)
         table[j], table[:, j], best[j] = np.inf, np.inf, np.inf
