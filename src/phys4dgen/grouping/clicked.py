@@ -1,15 +1,18 @@
 """One click per part: which part every patch of the surface belongs to.
 
-A random walk (Grady, "Random Walks for Image Segmentation", IEEE PAMI 28(11), 2006): from a patch a walker steps to
-patches that touch, the rather the more alike they are, hardly ever over an edge of colour or a concave crease, until it
-comes to a click. The patch belongs to the part whose click it reaches most often. All ways count, so that one leak in a
-border hardly matters, which cheapest-first merging or shortest paths fall for.
+A random walk (Grady, "Random Walks for Image Segmentation", IEEE PAMI 28(11), 2006): from a region of the surface
+(``regions``) a walker steps to regions that touch, the rather the more alike they are, hardly ever over an edge of
+colour or a concave crease, until it comes to a region with a click. The region belongs to the part whose click it
+reaches most often. All ways count, so that one leak in a border hardly matters, which cheapest-first merging or
+shortest paths fall for. It walks over regions instead of patches because what lies along a border tells more on average
+than patch by patch; the shares of coarse, fine and finer regions are added up.
 
-Some patches cannot be reached so: the second half of a bun, the other petals, the foot of a cup in another glaze. From
-there, and the rather the more surely nothing is reached on foot, the walker may leap to the patches that look most
-alike and lie in like surroundings, wherever they are (a lump of coal on snow is not the hat). A large area that passes
-without any crease into what a click does reach, however, is taken for paint on that, and the walker goes on over the
-edge of the paint instead.
+Some regions cannot be reached so: the second half of a bun, the other petals, the foot of a cup in another glaze. From
+there, and the rather the more surely nothing is reached on foot, the walker may leap to the regions that look most
+alike, are of like size and lie in like surroundings, wherever they are (a lump of coal on snow is not the hat), but not
+where a way of one colour leads there: only a crease can keep it from that way, and then it counts. A large region that
+passes without any crease into what a click does reach, however, is taken for paint on that, and the walker goes on over
+the edge of the paint instead.
 """
 
 from __future__ import annotations
@@ -17,37 +20,47 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from phys4dgen.grouping.patch_graph import PatchGraph
+from phys4dgen.grouping.regions import Regions, describe_regions, join_order, regions_at
 
 __all__ = ["parts_by_random_walk"]
 
-_EDGE_SCALE = 5.0
-"""Difference between touching patches, in units of colour, at which a step becomes unlikely."""
-_CREASE = 40.0
+_REGIONS = (40, 80, 160)
+"""Numbers of regions of the walks whose shares are added up."""
+_EDGE_SCALE = 2.1
+"""Difference between touching regions, in units of colour, at which a step becomes unlikely."""
+_CREASE = 55.0
 """Difference that a full concave crease is worth."""
-_OVER_ANY_EDGE = 1e-4
-"""Least weight of a step between touching patches, where 1 is one within a material."""
-_GIVE_UP = 1e-3
-"""Weight of a walker's giving up at each step: what it does not reach by then counts as out of reach on foot."""
-_LEAP = 1.0
-"""Weight of a leap to a patch of the very same look and surroundings from where no click can be reached on foot."""
-_KIN = 10
-"""Number of patches that a walker may leap to."""
+_OVER_ANY_EDGE = 1e-6
+"""Least weight of a step between touching regions, where 1 is one within a material."""
+_GIVE_UP = 0.005
+"""How readily a walker gives up, where 1 is stepping on: what it has not reached by then is out of reach on foot."""
+_ROUND_OFF = 1e-9
+"""Added to the diagonal, lest a region that neither touches nor resembles another make the system singular."""
+_LEAP = 3.0
+"""Weight of a leap to a region of the very same look and surroundings from where no click can be reached on foot."""
+_KIN = 4
+"""Number of regions that a walker may leap to."""
+_KIN_SCALE = 3.5
+"""Difference, in units of colour, at which a leap becomes unlikely."""
+_SURROUNDINGS = 0.3
+"""Weight of the surroundings beside a region's own look, squared."""
+_SIZE = 2.0
+"""Difference that a region e times as large is worth."""
+_ONE_COLOR = 8.0
+"""Greatest difference on the way between two regions up to which that way, not a leap, decides."""
 _SURROUNDINGS_ROUNDS = 4
 """How many patches far the surroundings of a patch reach."""
 _SMOOTH = (-0.3, -0.2)
 """Creases, negative ones being convex, between which a surface passes over an edge without a fold."""
-_FOLD_SCALE = 40.0
+_FOLD_SCALE = 80.0
 """How fast the fold of an edge makes it less likely one of mere paint."""
 _PAINT_SCALE = 15.0
-"""Difference between touching patches that one thing painted in two colours may well have."""
-_PAINT_GIVE_UP = 0.01
+"""Difference between touching regions that one thing painted in two colours may well have."""
+_PAINT_GIVE_UP = 0.03
 _PAINT_AREA = 0.02
 """Share of the surface from which an area of one colour is paint rather than an eye, a button, a scrap."""
-_ONE_COLOR = 0.3
-"""Ease of a step, 1 within a material, up to which two patches lie in one area."""
 _SHEET = 8.0
 """Weighted thinness of a leaf or a petal, whose edges are not folded anyway."""
 _SMOOTHING_ROUNDS = 6
@@ -62,29 +75,109 @@ def parts_by_random_walk(graph: PatchGraph, seeds: NDArray[np.intp]) -> NDArray[
         graph: S patches.
         seeds: part of each patch that is known, 0 .. G-1, every one of them used; -1 elsewhere, shape [S].
     """
-    known = seeds >= 0
-    walking = np.flatnonzero(~known)
-    part = seeds.astype(np.int64)
-    if not len(walking):
-        return part
     look = _smoothed(graph)
-    ease = _ease(graph, look)
-    steps = _weighted(graph, ease + _OVER_ANY_EDGE)
-    arrivals = steps[np.ix_(walking, np.flatnonzero(known))]
-    staying = np.diag(steps.sum(1) + _GIVE_UP) - steps
-    reached = np.linalg.solve(staying[np.ix_(walking, walking)], arrivals.sum(1))
-    lost = np.zeros(len(graph))
+    around = _surroundings(graph, look)
+    order = join_order(graph, look)
+    share = np.zeros((len(graph), int(seeds.max()) + 1))
+    for count in _REGIONS:
+        region = regions_at(order, seeds, count)
+        known = np.full(int(region.max()) + 1, -1, np.intp)
+        known[region[seeds >= 0]] = seeds[seeds >= 0]
+        regions = describe_regions(graph, region, look)
+        surroundings = np.stack([np.bincount(region, graph.area * column) for column in around.T], 1)
+        surroundings /= regions.area[:, None]
+        width = float(np.median(graph.border)) if len(graph.border) else 1.0
+        share += _shares(regions, surroundings, known, width)[region]
+    return share.round(9).argmax(1)  # the first part wins a tie, whatever the round-off
+
+
+def _shares(
+    regions: Regions, surroundings: NDArray[np.float64], known: NDArray[np.intp], width: float
+) -> NDArray[np.float64]:
+    """How many of the walkers from each region reach the click of each part, shape [K, G].
+
+    Args:
+        regions: K regions.
+        surroundings: look of what lies around each, shape [K, 5].
+        known: part of each region with a click, -1 elsewhere, shape [K].
+        width: length of a usual border between patches.
+    """
+    clicked, walking = np.flatnonzero(known >= 0), np.flatnonzero(known < 0)
+    share = np.eye(int(known.max()) + 1)[known]  # rows of walking regions are overwritten
+    if not len(walking):
+        return share
+    i, j = regions.touching.T
+    means = ((regions.look[i] - regions.look[j]) ** 2).sum(1)
+    color = np.sqrt((regions.contrast**2 + means) / 2)
+    crease = _CREASE * np.clip(regions.fold, 0, 1)
+    ease = np.exp(-np.hypot(color, crease) / _EDGE_SCALE) + _OVER_ANY_EDGE
+    steps = _between(regions, ease * regions.length / width)
+    giving_up = _GIVE_UP * _between(regions, regions.length / width).sum(1) + _ROUND_OFF
+    staying = np.diag(steps.sum(1) + giving_up) - steps
+    reached = np.linalg.solve(staying[np.ix_(walking, walking)], steps[np.ix_(walking, clicked)].sum(1))
+    lost = np.zeros(len(known))
     lost[walking] = 1 - np.clip(reached, 0, 1)
-    paint_steps = _paint_steps(graph, look)
-    painted = _painted(graph, ease, paint_steps, lost=lost)
-    ways = steps + (lost**2 * painted)[:, None] * paint_steps + _leaps(graph, look, lost**2 * (1 - painted))
-    # Round-off alone would make the system singular where a patch neither touches nor resembles another.
-    laplacian = np.diag(ways.sum(1) + 1e-9) - ways
-    clicked = np.eye(int(seeds.max()) + 1)[seeds[known]]
-    arrivals = ways[np.ix_(walking, np.flatnonzero(known))] @ clicked
-    share = np.linalg.solve(laplacian[np.ix_(walking, walking)], arrivals)
-    part[walking] = share.round(12).argmax(1)  # the first part wins a tie, whatever the round-off
-    return part
+    paint_steps = _paint_steps(regions, color, width)
+    painted = _painted(regions, paint_steps, lost=lost)
+    leaps = _leaps(regions, color, surroundings)
+    ways = steps + (lost**2 * painted)[:, None] * paint_steps + (lost**2 * (1 - painted))[:, None] * leaps
+    laplacian = np.diag(ways.sum(1) + _ROUND_OFF) - ways
+    arrivals = ways[np.ix_(walking, clicked)] @ share[clicked]
+    share[walking] = np.linalg.solve(laplacian[np.ix_(walking, walking)], arrivals)
+    return share
+
+
+def _paint_steps(regions: Regions, color: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+    """How readily a walker steps over what may be the edge of mere paint: no fold, no extreme contrast; [K, K]."""
+    fold = np.abs(regions.crease - np.clip(regions.crease, *_SMOOTH))
+    ease = np.exp(-_FOLD_SCALE * fold - color**2 / (2 * _PAINT_SCALE**2))
+    return _between(regions, ease * regions.length / width)
+
+
+def _painted(regions: Regions, paint_steps: NDArray[np.float64], *, lost: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How surely each region is a large painted area of what a click does reach, 0 to 1; shape [K]."""
+    found = (1 - lost) ** 4
+    passing = np.diag(paint_steps.sum(1) + found + _PAINT_GIVE_UP) - paint_steps
+    smoothly_reached = np.clip(np.linalg.solve(passing, found), 0, 1)
+    solid = np.clip(1 - regions.look[:, 3] / _SHEET, 0, 1)
+    return smoothly_reached * solid * np.minimum(regions.area / _PAINT_AREA, 1) ** 2
+
+
+def _leaps(regions: Regions, color: NDArray[np.float64], surroundings: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How readily a walker leaps from each region (row) to those most like it elsewhere (column); shape [K, K]."""
+    look, size = regions.look, np.log(regions.area)
+    difference = ((look[:, None] - look[None]) ** 2).sum(2)
+    difference += _SURROUNDINGS * ((surroundings[:, None] - surroundings[None]) ** 2).sum(2)
+    difference += _SIZE**2 * (size[:, None] - size[None]) ** 2
+    i, j = regions.touching.T
+    difference[i, j] = difference[j, i] = np.inf
+    np.fill_diagonal(difference, np.inf)
+    kin = np.argsort(difference, axis=1, kind="stable")[:, :_KIN]
+    alike = np.exp(-np.take_along_axis(difference, kin, 1) / (2 * _KIN_SCALE**2))
+    out = np.zeros_like(difference)
+    np.put_along_axis(out, kin, _LEAP * alike, 1)
+    return out * (1 - np.exp(-((_greatest_on_the_way(regions, color) / _ONE_COLOR) ** 2)))
+
+
+def _greatest_on_the_way(regions: Regions, color: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The least that the greatest difference of colour on any way between two regions can be; shape [K, K].
+
+    Infinite where no way leads from one to the other.
+    """
+    count = len(regions.area)
+    out = np.full((count, count), np.inf)
+    np.fill_diagonal(out, 0)
+    members = [[region] for region in range(count)]
+    for edge in np.argsort(color, kind="stable"):  # as Kruskal's minimum spanning tree grows
+        first, second = (members[region] for region in regions.touching[edge])
+        if first is second:
+            continue
+        out[np.ix_(first, second)] = color[edge]
+        out[np.ix_(second, first)] = color[edge]
+        first.extend(second)
+        for region in second:
+            members[region] = first
+    return out
 
 
 def _smoothed(graph: PatchGraph) -> NDArray[np.float64]:
@@ -93,78 +186,31 @@ def _smoothed(graph: PatchGraph) -> NDArray[np.float64]:
     look = graph.feature
     for _ in range(_SMOOTHING_ROUNDS):
         alike = graph.border * np.exp(-((look[i] - look[j]) ** 2).sum(1) / (2 * _SMOOTHING_SCALE**2))
-        weight = _symmetric(len(graph), i, j, alike)
-        total = weight.sum(1)
-        own = np.maximum(total, 1)
-        look = (own[:, None] * look + weight @ look) / (own + total)[:, None]
+        look = _mixed(graph, look, alike)
     return look
-
-
-def _ease(graph: PatchGraph, look: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How readily a walker steps between two touching patches: 1 within a material, 0 over a clear edge; shape [E]."""
-    i, j = graph.touching.T
-    difference = ((look[i] - look[j]) ** 2).sum(1) + (_CREASE * np.clip(graph.crease, 0, 1)) ** 2
-    return np.exp(-difference / (2 * _EDGE_SCALE**2))
-
-
-def _weighted(graph: PatchGraph, ease: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Steps by their ease and by the length of the border, 0 where patches do not touch; symmetric, shape [S, S]."""
-    i, j = graph.touching.T
-    length = graph.border / np.median(graph.border) if len(graph.border) else graph.border
-    return _symmetric(len(graph), i, j, length * ease)
-
-
-def _paint_steps(graph: PatchGraph, look: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How readily a walker steps over what may be the edge of mere paint: no fold, no extreme contrast; [S, S]."""
-    i, j = graph.touching.T
-    contrast = ((look[i] - look[j]) ** 2).sum(1) / (2 * _PAINT_SCALE**2)
-    fold = np.abs(graph.crease - np.clip(graph.crease, *_SMOOTH))
-    return _weighted(graph, np.exp(-_FOLD_SCALE * fold - contrast))
-
-
-def _painted(
-    graph: PatchGraph, ease: NDArray[np.float64], paint_steps: NDArray[np.float64], *, lost: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """How surely each patch is part of a large painted area of what a click does reach, 0 to 1; shape [S]."""
-    found = (1 - lost) ** 4
-    passing = np.diag(paint_steps.sum(1) + found + _PAINT_GIVE_UP) - paint_steps
-    smoothly_reached = np.clip(np.linalg.solve(passing, found), 0, 1)
-    i, j = graph.touching[ease > _ONE_COLOR].T
-    links = coo_matrix((np.ones(len(i)), (i, j)), (len(graph), len(graph)))
-    area_of_color = connected_components(links, directed=False)[1]
-    share = np.bincount(area_of_color, graph.area)[area_of_color]
-    solid = np.clip(1 - graph.feature[:, 3] / _SHEET, 0, 1)
-    return smoothly_reached * solid * np.minimum(share / _PAINT_AREA, 1) ** 2
-
-
-def _leaps(graph: PatchGraph, look: NDArray[np.float64], readiness: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How readily a walker leaps from each patch (row) to those most like it elsewhere (column); shape [S, S]."""
-    around = _surroundings(graph, look)
-    difference = ((look[:, None] - look[None]) ** 2).sum(2) + ((around[:, None] - around[None]) ** 2).sum(2)
-    difference[graph.touching[:, 0], graph.touching[:, 1]] = np.inf
-    difference[graph.touching[:, 1], graph.touching[:, 0]] = np.inf
-    np.fill_diagonal(difference, np.inf)
-    kin = np.argsort(difference, axis=1, kind="stable")[:, :_KIN]
-    alike = np.exp(-np.take_along_axis(difference, kin, 1) / (2 * _EDGE_SCALE**2))
-    out = np.zeros_like(difference)
-    np.put_along_axis(out, kin, _LEAP * readiness[:, None] * alike, 1)
-    return out
 
 
 def _surroundings(graph: PatchGraph, look: NDArray[np.float64]) -> NDArray[np.float64]:
     """Look of the patches blurred over all edges; shape [S, 5]."""
-    i, j = graph.touching.T
-    weight = _symmetric(len(graph), i, j, graph.border)
-    total = weight.sum(1)
-    own = np.maximum(total, 1)
     for _ in range(_SURROUNDINGS_ROUNDS):
-        look = (own[:, None] * look + weight @ look) / (own + total)[:, None]
+        look = _mixed(graph, look, graph.border)
     return look
 
 
-def _symmetric(
-    count: int, i: NDArray[np.integer], j: NDArray[np.integer], values: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    out = np.zeros((count, count))
+def _mixed(graph: PatchGraph, look: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Half of each patch's look and half of its neighbours', by the weights of the touching pairs; shape [S, 5]."""
+    i, j = graph.touching.T
+    neighbours = coo_matrix(
+        (np.tile(weights, 2), (np.concatenate([i, j]), np.concatenate([j, i]))), (len(graph), len(graph))
+    ).tocsr()
+    total = np.asarray(neighbours.sum(1))
+    own = np.maximum(total, 1)
+    return (own * look + neighbours @ look) / (own + total)
+
+
+def _between(regions: Regions, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values of touching regions as a table, 0 where they do not touch; symmetric, shape [K, K]."""
+    out = np.zeros((len(regions.area), len(regions.area)))
+    i, j = regions.touching.T
     out[i, j] = out[j, i] = values
     return out

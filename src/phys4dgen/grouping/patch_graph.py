@@ -16,7 +16,7 @@ from phys4dgen.grouping.lighting import unlit
 from phys4dgen.grouping.roundness import rod_likeness
 from phys4dgen.grouping.supervoxels import LIGHTNESS_WEIGHT, Supervoxels
 
-__all__ = ["PatchGraph", "patch_graph"]
+__all__ = ["CREASE_FREE", "PatchGraph", "patch_graph"]
 
 _CHROMA_OFFSET = 70.0
 """a and b are divided by lightness plus this before they are compared: in the shade both shrink with the light. Without
@@ -25,7 +25,7 @@ _THINNESS = 22.0
 """Units of colour that a leaf and a solid of one colour lie apart."""
 _RODNESS = 25.0
 """Units of colour that a stalk and a leaf of one colour lie apart."""
-_CREASE_FREE = 0.15
+CREASE_FREE = 0.15
 """Concavity that curved surfaces have anyway."""
 
 
@@ -41,6 +41,9 @@ class PatchGraph:
         feature: mean colour (half the lightness, a and b freed of shading), weighted thinness and weighted likeness to
             a rod, shape [S, 5].
         spread: standard deviation of the colour, shape [S, 3].
+        centre: mean position, input units, shape [S, 3].
+        normal: unit normal, turned towards the cameras, shape [S, 3].
+        flatness: 1 for a plane, 0 for a ball or a rod, shape [S].
         touching: pairs of patches with a common border, the lower number first, shape [E, 2].
         border: length of that border in neighbour pairs, shape [E].
         crease: how much the surface folds inwards there, in [-0.5, 1], negative on convex edges, shape [E].
@@ -52,6 +55,9 @@ class PatchGraph:
     area: NDArray[np.float64]
     feature: NDArray[np.float64]
     spread: NDArray[np.float64]
+    centre: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    flatness: NDArray[np.float64]
     touching: NDArray[np.int32]
     border: NDArray[np.float64]
     crease: NDArray[np.float64]
@@ -71,6 +77,9 @@ class PatchGraph:
             area=self.area[chosen] / self.area[chosen].sum(),
             feature=self.feature[chosen],
             spread=self.spread[chosen],
+            centre=self.centre[chosen],
+            normal=self.normal[chosen],
+            flatness=self.flatness[chosen],
             touching=number[self.touching[inside]].reshape(-1, 2),
             border=self.border[inside],
             crease=self.crease[inside],
@@ -105,6 +114,9 @@ def patch_graph(
         area=patches.area,
         feature=np.concatenate([color[:, :1], color[:, 1:] * unshaded, np.stack([thinness, rod], 1)], 1),
         spread=patches.spread,
+        centre=patches.centre,
+        normal=patches.normal,
+        flatness=patches.flatness,
         touching=np.stack([first, second], 1).astype(np.int32),
         border=patches.border[first, second],
         crease=_crease(patches, first, second),
@@ -117,4 +129,4 @@ def _crease(patches: Supervoxels, i: NDArray[np.intp], j: NDArray[np.intp]) -> N
     direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-12)
     concavity = ((patches.normal[i] - patches.normal[j]) * direction).sum(1)
     flatness = np.minimum(patches.flatness[i], patches.flatness[j])
-    return np.clip(concavity - _CREASE_FREE, -0.5, 1) * flatness
+    return np.clip(concavity - CREASE_FREE, -0.5, 1) * flatness
