@@ -28,7 +28,7 @@ __all__ = ["parts_by_random_walk"]
 
 _REGIONS = (40, 80, 160)
 """Numbers of regions of the walks whose shares are added up."""
-_EDGE_SCALE = 2.1
+_EDGE_SCALE = 2.7
 """Difference between touching regions, in units of colour, at which a step becomes unlikely."""
 _CREASE = 55.0
 """Difference that a full concave crease is worth."""

@@ -17,6 +17,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 from phys4dgen.grouping.patch_graph import PatchGraph
+from phys4dgen.grouping.regions import folds_between
 
 __all__ = ["crease_detours"]
 
@@ -32,15 +33,22 @@ _ONE_COLOR = 10.0
 """Resistance from which two patches are not joined by a way of one colour; within a part it is 0.5 to 5."""
 
 
-def crease_detours(graph: PatchGraph) -> NDArray[np.float64]:
+def crease_detours(graph: PatchGraph, region: NDArray[np.int64]) -> NDArray[np.float64]:
     """Logarithm of how much longer creases make the way between two patches of one colour; symmetric, shape [S, S].
 
     0 within one smooth surface and where no way of one colour joins the two; 0.2 to 1.5 across a crease.
+
+    Args:
+        graph: S patches.
+        region: small regions of some patches each, between which creases are measured with less noise, shape [S].
     """
     i, j = graph.touching.T
     length = graph.border / np.median(graph.border) if len(graph.border) else graph.border
     color = ((graph.feature[i] - graph.feature[j]) ** 2).sum(1)
-    crease = (_CREASE * np.clip(graph.crease, 0, 1)) ** 2
+    fold = graph.crease.copy()
+    between = np.flatnonzero(region[i] != region[j])
+    fold[between] = folds_between(graph, region, between)
+    crease = (_CREASE * np.clip(fold, 0, 1)) ** 2
     by_color, with_creases = (
         _resistance(len(graph), i, j, length * (np.exp(-difference / (2 * _EDGE_SCALE**2)) + _OVER_ANY_EDGE))
         for difference in (color, color + crease)

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from phys4dgen.errors import StageError
 from phys4dgen.grouping.detour import crease_detours
@@ -152,7 +153,11 @@ class _Merge(NamedTuple):
 
 def merge_tree(graph: PatchGraph, *, weights: CostWeights = CostWeights()) -> MergeTree:
     """Join all patches, cheapest pair first, and remember the order."""
-    merges = _agglomerate_all(_Regions(graph, weights), until=1)
+    merges: list[_Merge] = []
+    regions = _Regions(graph, weights)
+    _agglomerate(regions, merges, ward=True, until=min(_WARD_REGIONS, len(graph)))
+    regions.measure_detours(graph, merges)
+    _agglomerate(regions, merges, ward=False, until=1)
     return MergeTree(
         graph=graph,
         kept=np.array([merge.kept for merge in merges], np.int32),
@@ -180,12 +185,22 @@ class _Regions:
             (self.border, 1), (self.contrast, contrast), (self.crease, graph.crease), (self.bend, bend),
         ):  # fmt: skip
             table[i, j] = table[j, i] = graph.border * values
-        # Summed over pairs of patches by their areas, those within one region on the diagonal.
-        self.detour = crease_detours(graph) * np.outer(self.area, self.area)
-        self.look_cost = np.zeros((count, count))
+        self.detour, self.look_cost = np.zeros((count, count)), np.zeros((count, count))
         # Neighbour pairs around a compact region whose area is the whole surface's.
         around = self.border.sum(1)
         self.side = float(np.median(around[around > 0]) / np.sqrt(np.median(graph.area))) if around.any() else 1.0
+
+    def measure_detours(self, graph: PatchGraph, merges: list[_Merge]) -> None:
+        """Look for creases on the ways between the regions of all patches after some merges.
+
+        The table sums over pairs of patches by their areas; those within one region are on the diagonal.
+        """
+        row = np.arange(len(graph))
+        for merge in merges:
+            row[row == merge.absorbed] = merge.kept
+        detours = crease_detours(graph, np.unique(row, return_inverse=True)[1])
+        of_region = csr_matrix((graph.area, (row, np.arange(len(graph)))), (len(graph), len(graph)))
+        self.detour = of_region @ (of_region @ detours).T
 
     def ward_cost(self, i: int) -> NDArray[np.float64]:
         """Growth of the variance within regions if one joins region i, touching ones only; shape [S]."""
@@ -262,14 +277,6 @@ class _Regions:
         cost[~self.alive] = np.inf
         cost[i] = np.inf
         return cost
-
-
-def _agglomerate_all(regions: _Regions, *, until: int) -> list[_Merge]:
-    """Join by Ward's criterion, then by cost, until ``until`` regions are left."""
-    merges: list[_Merge] = []
-    _agglomerate(regions, merges, ward=True, until=max(min(_WARD_REGIONS, len(regions.area)), until))
-    _agglomerate(regions, merges, ward=False, until=until)
-    return merges
 
 
 def _agglomerate(regions: _Regions, merges: list[_Merge], *, ward: bool, until: int) -> None:

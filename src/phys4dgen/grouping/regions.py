@@ -21,7 +21,7 @@ from scipy.spatial import KDTree
 
 from phys4dgen.grouping.patch_graph import CREASE_FREE, PatchGraph
 
-__all__ = ["Regions", "describe_regions", "join_order", "regions_at"]
+__all__ = ["Regions", "describe_regions", "folds_between", "join_order", "regions_at"]
 
 _CREASE = 40.0
 """Difference that a full concave crease is worth, in units of colour."""
@@ -92,7 +92,7 @@ def describe_regions(
         length=length,
         contrast=along(np.linalg.norm(look[i[between]] - look[j[between]], axis=1)),
         crease=along(graph.crease[between]),
-        fold=along(_folds(graph, region, between) if folds is None else folds[between]),
+        fold=along(folds_between(graph, region, between) if folds is None else folds[between]),
     )
 
 
@@ -188,7 +188,7 @@ def _join(regions: Regions) -> list[tuple[int, int]]:
     return order
 
 
-def _folds(graph: PatchGraph, region: NDArray[np.int64], between: NDArray[np.intp]) -> NDArray[np.float64]:
+def folds_between(graph: PatchGraph, region: NDArray[np.int64], between: NDArray[np.intp]) -> NDArray[np.float64]:
     """Creases between touching patches of different regions, from all patches of the two regions that lie near.
 
     Args:
