@@ -71,3 +71,39 @@ def shaded_ball(*, seed: int = 0) -> Gaussians:
     light = 0.45 + 0.55 * np.clip(normal @ [0.6, 0.0, 0.8], 0, 1)
     rgb = np.array([0.75, 0.7, 0.62]) * light[:, None] + rng.normal(0, 0.03, normal.shape)
     return from_points(normal * 0.5, rgb, size=0.02, seed=seed)
+
+
+def ball(center: tuple[float, float, float], radius: float, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Points on a sphere."""
+    normal = rng.normal(size=(n, 3))
+    return radius * normal / np.linalg.norm(normal, axis=1, keepdims=True) + center
+
+
+def ball_on_ball(
+    lower_rgb: tuple[float, float, float], upper_rgb: tuple[float, float, float], *, seed: int = 0
+) -> tuple[Gaussians, NDArray[np.int32]]:
+    """A smaller ball (1) pressed into a larger one (0), each of one colour under a slanting light."""
+    rng = np.random.default_rng(seed)
+    centers, radii = np.array([[0, 0, 0], [0, 0, 0.72]]), (0.5, 0.36)
+    points, labels = [], []
+    for number, (center, radius) in enumerate(zip(centers, radii, strict=True)):
+        own = ball(tuple(center), radius, 12_000, rng)
+        outside = np.linalg.norm(own - centers[1 - number], axis=1) > radii[1 - number]
+        points.append(own[outside])
+        labels.append(np.full(outside.sum(), number, np.int32))
+    place, label = np.concatenate(points), np.concatenate(labels)
+    normal = (place - centers[label]) / np.asarray(radii)[label][:, None]
+    light = 0.6 + 0.4 * np.clip(normal @ [0.6, 0.0, 0.8], 0, 1)
+    rgb = np.array([lower_rgb, upper_rgb])[label] * light[:, None] + rng.normal(0, 0.03, place.shape)
+    return from_points(place + rng.normal(0, 0.002, place.shape), rgb, size=0.01, seed=seed), label
+
+
+def painted_ball(
+    lower_rgb: tuple[float, float, float], upper_rgb: tuple[float, float, float], *, seed: int = 0
+) -> Gaussians:
+    """One ball, its upper third painted."""
+    rng = np.random.default_rng(seed)
+    place = ball((0, 0, 0), 0.5, 20_000, rng)
+    light = 0.6 + 0.4 * np.clip(2 * place @ [0.6, 0.0, 0.8], 0, 1)
+    rgb = np.where(place[:, 2:] > 0.17, upper_rgb, lower_rgb) * light[:, None] + rng.normal(0, 0.03, place.shape)
+    return from_points(place + rng.normal(0, 0.002, place.shape), rgb, size=0.01, seed=seed)
