@@ -21,12 +21,8 @@ from phys4dgen.mpm.frame import Frame, frame_of
 from phys4dgen.mpm.grid import Grid
 from phys4dgen.mpm.ground import origin_and_ground_node
 from phys4dgen.mpm.held import HeldNodes, with_simulated_skin
-from phys4dgen.mpm.kernels.chunk_pass import address_of_chunk_pass
-from phys4dgen.mpm.kernels.grid_pass import address_of_grid_plane
 from phys4dgen.mpm.kernels.law_step import address_of_law
 from phys4dgen.mpm.kernels.layout import LOAD, POSITION, VELOCITY
-from phys4dgen.mpm.kernels.pair_contact import address_of_limit_pairs
-from phys4dgen.mpm.kernels.particle_pass import address_of_pass
 from phys4dgen.mpm.kernels.rigid_pass import place_rigid
 from phys4dgen.mpm.kernels.sorting import NEVER_SEEN, inspect_particles, order_by_cell
 from phys4dgen.mpm.laws import LawId
@@ -34,7 +30,7 @@ from phys4dgen.mpm.rigid import RigidParts
 from phys4dgen.mpm.settings import Settings
 from phys4dgen.mpm.solids import Solids
 from phys4dgen.mpm.state import Particles
-from phys4dgen.mpm.step import advance
+from phys4dgen.mpm.step import advance, kernels_for
 from phys4dgen.mpm.timestep import Estimate, expected_speed_ms, sort_interval, stiff_parts, substeps_for
 from phys4dgen.mpm.velocity_fields import VelocityFields, no_pairs
 from phys4dgen.mpm.watchdog import too_fast, too_wide, unstable
@@ -264,7 +260,7 @@ class Simulator:
             particles.columns, settings, everything, kicks, has_fields=self._kicks.has_fields, dt_s=dt_s
         )
         advance(
-            self._kernels(),
+            kernels_for(grid.fields),
             self._laws,
             particles.columns,
             particles.spare,
@@ -291,11 +287,6 @@ class Simulator:
         particles.columns, particles.spare = particles.spare, particles.columns
         reactions = None if self._rigid is None else self._rigid.reactions
         self._solids.end(*span_s, grid.contacts, kept=1 - damping, rigid=reactions, soft_share=soft_share)
-
-    def _kernels(self) -> tuple[int, int, int, int]:
-        """Addresses of the kernels that the scene needs, as ``advance`` takes them."""
-        limit_pairs = address_of_limit_pairs() if self._grid.fields > 1 else 0
-        return address_of_grid_plane(), limit_pairs, address_of_chunk_pass(), address_of_pass()
 
     def _felt(self) -> dict[str, NDArray[Any]]:
         """What fields ask for: particles of the body, where they are and how fast; nothing where there are none."""

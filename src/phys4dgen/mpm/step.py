@@ -20,17 +20,28 @@ Paper: Sec. C.2, Algorithm 1 of Y. Hu et al., *A moving least squares material p
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numba import prange
 
-from phys4dgen.mpm.kernels.chunk_pass import call_chunk_pass, rigid_chunk
-from phys4dgen.mpm.kernels.grid_pass import call_grid_plane
+from phys4dgen.mpm.kernels.chunk_pass import address_of_chunk_pass, call_chunk_pass, rigid_chunk
+from phys4dgen.mpm.kernels.grid_pass import address_of_grid_plane, call_grid_plane
 from phys4dgen.mpm.kernels.layout import FUSED, GATHER_ONLY, SCATTER_ONLY, parallel_kernel
+from phys4dgen.mpm.kernels.pair_contact import address_of_limit_pairs
+from phys4dgen.mpm.kernels.particle_pass import address_of_pass
 from phys4dgen.mpm.kernels.rigid_pass import move_rigid
 
-__all__ = ["advance"]
+__all__ = ["advance", "kernels_for"]
 
 _GRID, _PARTICLES, _RIGID = 0, 1, 2  # phases of a substep; all threads finish one before the next begins
+
+
+@cache
+def kernels_for(fields: int) -> tuple[int, int, int, int]:
+    """Addresses of the kernels that a scene of so many velocity fields needs, as ``advance`` takes them."""
+    limit_pairs = address_of_limit_pairs() if fields > 1 else 0
+    return address_of_grid_plane(), limit_pairs, address_of_chunk_pass(), address_of_pass()
 
 
 @parallel_kernel
