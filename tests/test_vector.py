@@ -31,9 +31,6 @@ from phys4dgen.vector.lanes import (
 )
 from phys4dgen.vector.matrix import (
     determinant,
-    left_cauchy_green,
-    polar_rotation,
-    singular_value_decomposition,
     symmetric_eigen,
     symmetric_from_eigen,
 )
@@ -242,86 +239,88 @@ def test_columns_of_lanes():
 
 
 @njit
-def _decompose(f, u, s, v, r, lam, q, b, det):
-    rows = load_transposed32(f, 0)
-    matrix = rows[:9]
-    zero = like(rows[0], np.float32(0))
-    pad = (zero, zero, zero, zero, zero, zero, zero)
-    left, values, right = singular_value_decomposition(matrix)
-    store_transposed(u, 0, left + pad)
-    store_transposed(v, 0, right + pad)
-    store_transposed(r, 0, polar_rotation(matrix) + pad)
-    eigenvalues, vectors = symmetric_eigen(left_cauchy_green(matrix), 5)
-    store_transposed(q, 0, vectors + pad)
-    store_transposed(b, 0, (*symmetric_from_eigen(eigenvalues, vectors), zero, zero, zero, *pad))
-    for k in range(3):
-        store(s, 32 * k, values[k])
-        store(lam, 32 * k, eigenvalues[k])
-    store(det, 0, determinant(matrix))
+def _determinants(a, out):
+    store(out, 0, determinant(load_transposed32(a, 0)[:9]))
 
 
-def decompose(f):
-    """Run every decomposition on 32 matrices [32, 3, 3]."""
+def test_determinant():
+    a = np.random.default_rng(3).normal(size=(32, 3, 3)).astype(np.float32)
     packed = np.zeros((32, 16), np.float32)
-    packed[:, :9] = f.reshape(32, 9)
-    u, v, r, q, b = (np.full((32, 16), np.inf, np.float32) for _ in range(5))
-    s, lam, det = (
-        np.full((3, 32), np.inf, np.float32),
-        np.full((3, 32), np.inf, np.float32),
-        np.full(32, np.inf, np.float32),
-    )
-    _decompose(packed.ravel(), u.ravel(), s.ravel(), v.ravel(), r.ravel(), lam.ravel(), q.ravel(), b.ravel(), det)
-    square = [a[:, :9].reshape(32, 3, 3).astype(np.float64) for a in (u, v, r, q)]
-    return *square, s.T, lam.T, b[:, :6], det, packed[:, :9].reshape(32, 3, 3).astype(np.float64)
+    packed[:, :9] = a.reshape(32, 9)
+    out = np.full(32, np.inf, np.float32)
+    _determinants(packed.ravel(), out)
+    np.testing.assert_allclose(out, np.linalg.det(a.astype(np.float64)), rtol=2e-6, atol=2e-6)
 
 
-def special_matrices():
-    rng = np.random.default_rng(3)
-    f = np.eye(3) + 0.4 * rng.normal(size=(32, 3, 3))
-    f[0] = np.eye(3)
-    f[1] = np.diag([1, 1, -0.7])
-    f[2] = np.diag([2.0, 0.5, 0])
-    f[3] = np.diag([0, 0, 1.5])
-    f[4] = 0
-    f[5] = -np.eye(3)
-    f[6] = np.eye(3) + 1e-6 * rng.normal(size=(3, 3))
-    f[7] = np.diag([1e-3, 2, 3.0])
-    return f
+@njit
+def _decompose(a, vectors, values, again):
+    a00, a01, a02, _, a11, a12, _, _, a22 = load_transposed32(a, 0)[:9]
+    zero = like(a00, np.float32(0))
+    pad = (zero, zero, zero, zero, zero, zero, zero)
+    found, axes = symmetric_eigen((a00, a01, a02, a11, a12, a22))
+    store_transposed(vectors, 0, axes + pad)
+    store_transposed(again, 0, (*symmetric_from_eigen(found, axes), zero, zero, zero, *pad))
+    for k in range(3):
+        store(values, 32 * k, found[k])
 
 
-def test_singular_value_decomposition_is_proper_for_every_matrix():
-    u, v, _, _, s, _, _, det, f = decompose(special_matrices())
-    eye = np.eye(3)
-    assert np.abs(u @ u.transpose(0, 2, 1) - eye).max() < 3e-6
-    assert np.abs(v @ v.transpose(0, 2, 1) - eye).max() < 3e-6
-    assert np.all(np.linalg.det(u) > 0.99)
-    assert np.all(np.linalg.det(v) > 0.99)
-    np.testing.assert_allclose((u * s[:, None, :]) @ v.transpose(0, 2, 1), f, atol=5e-6)
-    true = np.linalg.svd(f, compute_uv=False)
-    true[:, 2] *= np.where(np.linalg.det(f) < 0, -1, 1)
-    np.testing.assert_allclose(s, true, atol=2e-6)
-    np.testing.assert_allclose(det, np.linalg.det(f), atol=2e-5, rtol=2e-6)
+def decompose(a):
+    """Eigenvalues [32, 3], vectors [32, 3, 3] and U diag U^T of 32 symmetric matrices [32, 3, 3]."""
+    packed = np.zeros((32, 16), np.float32)
+    packed[:, :9] = a.reshape(32, 9)
+    vectors, again = (np.full((32, 16), np.inf, np.float32) for _ in range(2))
+    values = np.full((3, 32), np.inf, np.float32)
+    _decompose(packed.ravel(), vectors.ravel(), values.ravel(), again.ravel())
+    again = again[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(32, 3, 3).astype(np.float64)
+    return values.T.astype(np.float64), vectors[:, :9].reshape(32, 3, 3).astype(np.float64), again
 
 
-def test_polar_rotation_equals_lapack_where_it_is_defined():
-    _, _, r, _, _, _, _, _, f = decompose(special_matrices())
-    u, s, vt = np.linalg.svd(f)
-    sign = np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)
-    u[:, :, 2] *= sign[:, None]
-    defined = (s[:, 1] + sign * s[:, 2] > 0.05) & (np.linalg.det(f) != 0)
-    assert defined.sum() > 20
-    np.testing.assert_allclose(r[defined], (u @ vt)[defined], atol=2e-5)
-    assert np.abs(r @ r.transpose(0, 2, 1) - np.eye(3)).max() < 5e-6
+def rotated(values, rng):
+    """Symmetric matrices with these eigenvalues [P, 3] along random axes, rounded to float32."""
+    axes = np.linalg.qr(rng.normal(size=(len(values), 3, 3)))[0]
+    a = (axes * values[:, None]) @ axes.transpose(0, 2, 1)
+    return ((a + a.transpose(0, 2, 1)) / 2).astype(np.float32)
 
 
-def test_symmetric_eigen_decomposition():
-    _, _, _, q, _, eigenvalues, b, _, f = decompose(special_matrices())
-    true_b = f @ f.transpose(0, 2, 1)
-    scale = np.maximum(np.trace(true_b, axis1=1, axis2=2), 1e-12)
-    np.testing.assert_allclose(np.sort(eigenvalues, 1), np.linalg.eigvalsh(true_b), atol=2e-6 * scale.max())
-    assert np.abs(q @ q.transpose(0, 2, 1) - np.eye(3)).max() < 3e-6
-    upper = true_b[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    assert (np.abs(b - upper).max(1) / scale).max() < 2e-6
+def symmetric_matrices(kind, rng):
+    """32 of a kind: what makes an eigen-decomposition hard."""
+    ones = np.ones((32, 3))
+    values = {
+        "any": rng.normal(size=(32, 3)),
+        "two alike": rng.normal(size=(32, 1)) + rng.normal(size=(32, 1)) * np.where(np.arange(3) == 2, 1.0, 0.0),
+        "nearly alike": ones + 1e-6 * rng.normal(size=(32, 3)),
+        "alike": 0.3 * ones,
+        "two nearly alike": np.array([0.02, 0.02, -0.05]) + 1e-7 * rng.normal(size=(32, 3)),
+        "yielding snow": np.clip(0.05 * rng.normal(size=(32, 3)), -0.049, 0.015),
+        "evenly spaced": np.array([-1.0, 0.0, 1.0]) * rng.uniform(0.1, 1, (32, 1)),
+        "squeezed and drawn": np.exp(rng.uniform(np.log(0.0025), np.log(400), (32, 3))) - 1,
+        "small": 1e-7 * rng.normal(size=(32, 3)),
+        "tiny": 1e-13 * rng.normal(size=(32, 3)),
+        "nought": 0 * ones,
+    }
+    return rotated(values[kind], rng)
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "any", "two alike", "nearly alike", "alike", "two nearly alike", "yielding snow", "evenly spaced",
+        "squeezed and drawn", "small", "tiny", "nought",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("along_the_axes", [False, True])
+def test_symmetric_eigen_decomposition(kind, along_the_axes):
+    for seed in range(20):
+        a = symmetric_matrices(kind, np.random.default_rng(seed))
+        if along_the_axes:
+            a = a * np.eye(3, dtype=np.float32)
+        values, vectors, again = decompose(a)
+        a = a.astype(np.float64)
+        size = np.abs(a).max((1, 2), keepdims=True) + 1e-30
+        assert np.abs(vectors.transpose(0, 2, 1) @ vectors - np.eye(3)).max() < 1.5e-6
+        assert np.all(np.linalg.det(vectors) > 0.99)
+        assert (np.abs(again - a) / size).max() < 2e-6
+        assert (np.abs(np.sort(values, 1) - np.linalg.eigvalsh(a)) / size[:, 0]).max() < 2e-6
 
 
 @njit

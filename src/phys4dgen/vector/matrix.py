@@ -1,4 +1,4 @@
-"""3 x 3 matrices on lanes: products, determinants, symmetric eigen-decomposition, singular values, polar rotation.
+"""3 x 3 matrices on lanes: products, determinants, symmetric eigen-decomposition.
 
 A 3 x 3 matrix is a tuple of nine float lanes, row by row; a symmetric one is six: (00, 01, 02, 11, 12, 22). All
 functions are for use inside ``numba.njit`` and are inlined into their caller.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phys4dgen.vector.lanes import absolute, any_lane, like, maximum, root_and_inverse, sqrt, where
+from phys4dgen.vector.lanes import absolute, like, maximum, minimum, root_and_inverse, where
 from phys4dgen.vector.math import inline
 
 __all__ = [
@@ -16,9 +16,6 @@ __all__ = [
     "identity_plus",
     "left_cauchy_green",
     "matmul",
-    "matmul_transposed",
-    "polar_rotation",
-    "singular_value_decomposition",
     "symmetric_eigen",
     "symmetric_from_eigen",
     "volume_growth",
@@ -68,13 +65,6 @@ def matmul(a, b):
 
 
 @inline
-def matmul_transposed(a, b):
-    """Product A B^T."""
-    b00, b01, b02, b10, b11, b12, b20, b21, b22 = b
-    return matmul(a, (b00, b10, b20, b01, b11, b21, b02, b12, b22))
-
-
-@inline
 def left_cauchy_green(f):
     """Symmetric b = F F^T."""
     f00, f01, f02, f10, f11, f12, f20, f21, f22 = f
@@ -89,59 +79,104 @@ def left_cauchy_green(f):
 
 
 @inline
-def _jacobi_rotation(app, aqq, apq, arp, arq, p0, p1, p2, q0, q1, q2):
-    """Rotate in the p-q plane so that a_pq vanishes; p0.. and q0.. are eigenvector columns p and q."""
-    h = aqq - app
-    g = apq + apq
-    size = absolute(h) + _f(1e-15)
-    length, inverse = root_and_inverse(size * size + g * g)
-    c, inverse_cosine = root_and_inverse(_f(0.5) + _f(0.5) * (size * inverse))
-    s = _f(0.5) * (g * inverse) * inverse_cosine
-    shift = _f(0.5) * (length - size)
-    negative = h < _f(0)
-    s = where(negative, -s, s)
-    shift = where(negative, -shift, shift)
+def _leading_eigenvalue(half_det):
+    """Of a traceless symmetric matrix whose eigenvalues have a sum of squares of 6: the one that is largest in size.
+
+    The root of x^3 - 3 x = 2 |half_det| in [sqrt(3), 2], by one Newton step from a parabola, off by 4e-7 at most; the
+    other two are 2.6 or more away from it.
+    """
+    r = minimum(absolute(half_det), like(half_det, _f(1)))
+    x = (_f(-0.05395231) * r + _f(0.32070747)) * r + _f(1.73264765)
+    square = x * x
+    x = _f(2) * (x * square + r) / (_f(3) * square - _f(3))
+    return where(half_det < _f(0), -x, x)
+
+
+@inline
+def _null_vector(a):
+    """Unit vector that a symmetric matrix of rank two takes to zero: the longest column of the adjugate."""
+    a00, a01, a02, a11, a12, a22 = a
+    m00, m01, m02 = a11 * a22 - a12 * a12, a02 * a12 - a01 * a22, a01 * a12 - a02 * a11
+    m11, m12, m22 = a00 * a22 - a02 * a02, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01
+    second = m11 > m00
+    x, y, z = where(second, m01, m00), where(second, m11, m01), where(second, m12, m02)
+    third = m22 > maximum(m00, m11)
+    x, y, z = where(third, m02, x), where(third, m12, y), where(third, m22, z)
+    _, inverse = root_and_inverse(x * x + y * y + z * z)
+    return x * inverse, y * inverse, z * inverse
+
+
+@inline
+def _across(v):
+    """Two unit vectors across a unit vector v and each other; the three in the order (first, second, v) are proper."""
+    x, y, z = v
+    one = like(z, _f(1))
+    sign = where(z < _f(0), -one, one)
+    a = -one / (sign + z)
+    b = x * y * a
+    return (one + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
+
+
+@inline
+def _form(a, v, w):
+    """v^T A w of a symmetric matrix."""
+    a00, a01, a02, a11, a12, a22 = a
+    v0, v1, v2 = v
+    w0, w1, w2 = w
     return (
-        app - shift,
-        aqq + shift,
-        c * arp - s * arq,
-        s * arp + c * arq,
-        c * p0 - s * q0,
-        c * p1 - s * q1,
-        c * p2 - s * q2,
-        s * p0 + c * q0,
-        s * p1 + c * q1,
-        s * p2 + c * q2,
+        v0 * (a00 * w0 + a01 * w1 + a02 * w2)
+        + v1 * (a01 * w0 + a11 * w1 + a12 * w2)
+        + v2 * (a02 * w0 + a12 * w1 + a22 * w2)
     )
 
 
 @inline
-def symmetric_eigen(a, sweeps):
+def symmetric_eigen(a):
     """Eigenvalues (3, unsorted) and eigenvectors (9, columns, det = +1) of a symmetric matrix.
 
-    Cyclic Jacobi with exact rotations; at most ``sweeps`` sweeps (4 reach float32 accuracy), fewer as soon as all
-    lanes are diagonal to 1e-6 of their largest numbers, or to 1e-9; what is left then is smaller than that, and it
-    enters eigenvalues squared.
+    In closed form: the eigenvalue that lies farthest from the mean, which is never close to another one, its vector,
+    and in the plane across that one exact rotation. So vectors are orthonormal, and U diag U^T is A, to float32
+    accuracy whatever eigenvalues agree; differences of numbers below 1e-18 are not resolved.
+
+    Sources: O. K. Smith, *Eigenvalues of a symmetric 3 x 3 matrix*, Commun. ACM 4 (1961) 168; D. Eberly, *A robust
+    eigensolver for 3 x 3 symmetric matrices*, Geometric Tools 2014 (order of the steps); T. Duff et al., *Building an
+    orthonormal basis, revisited*, JCGT 6 (2017).
     """
     a00, a01, a02, a11, a12, a22 = a
-    zero = like(a00, _f(0))
-    one = like(a00, _f(1))
-    u00, u01, u02, u10, u11, u12, u20, u21, u22 = one, zero, zero, zero, one, zero, zero, zero, one
-    tolerance = _f(1e-6) * (absolute(a00) + absolute(a11) + absolute(a22)) + _f(1e-9)
-    for _ in range(sweeps):
-        if not any_lane(absolute(a01) + absolute(a02) + absolute(a12) > tolerance):
-            break
-        a00, a11, a02, a12, u00, u10, u20, u01, u11, u21 = _jacobi_rotation(
-            a00, a11, a01, a02, a12, u00, u10, u20, u01, u11, u21
-        )
-        a00, a22, a01, a12, u00, u10, u20, u02, u12, u22 = _jacobi_rotation(
-            a00, a22, a02, zero, a12, u00, u10, u20, u02, u12, u22
-        )
-        a11, a22, a01, a02, u01, u11, u21, u02, u12, u22 = _jacobi_rotation(
-            a11, a22, a12, a01, zero, u01, u11, u21, u02, u12, u22
-        )
-        a12 = zero
-    return (a00, a11, a22), (u00, u01, u02, u10, u11, u12, u20, u21, u22)
+    mean = (a00 + a11 + a22) * _f(1 / 3)
+    d0, d1, d2 = a00 - mean, a11 - mean, a22 - mean
+    square = (d0 * d0 + d1 * d1 + d2 * d2 + _f(2) * (a01 * a01 + a02 * a02 + a12 * a12)) * _f(1 / 6)
+    size, inverse = root_and_inverse(maximum(square, like(square, _f(1e-36))))
+    b00, b01, b02, b11, b12, b22 = (
+        inverse * d0, inverse * a01, inverse * a02, inverse * d1, inverse * a12, inverse * d2,
+    )  # fmt: skip
+    half_det = _f(0.5) * (b00 * (b11 * b22 - b12 * b12) + b01 * (b02 * b12 - b01 * b22) + b02 * (b01 * b12 - b02 * b11))
+    x = _leading_eigenvalue(half_det)
+    v = _null_vector((b00 - x, b01, b02, b11 - x, b12, b22 - x))
+    p, q = _across(v)
+    b = (b00, b01, b02, b11, b12, b22)
+    app, apq, aqq = _form(b, p, p), _form(b, p, q), _form(b, q, q)
+    h = aqq - app
+    g = apq + apq
+    opening = absolute(h) + _f(1e-15)
+    length, inverse = root_and_inverse(opening * opening + g * g)
+    c, inverse_cosine = root_and_inverse(_f(0.5) + _f(0.5) * (opening * inverse))
+    s = _f(0.5) * (g * inverse) * inverse_cosine
+    shift = _f(0.5) * (length - opening)
+    negative = h < _f(0)
+    s = where(negative, -s, s)
+    shift = where(negative, -shift, shift)
+    p0, p1, p2 = p
+    q0, q1, q2 = q
+    return (
+        mean + size * (app - shift),
+        mean + size * (aqq + shift),
+        mean - size * (app + aqq),
+    ), (
+        c * p0 - s * q0, s * p0 + c * q0, v[0],
+        c * p1 - s * q1, s * p1 + c * q1, v[1],
+        c * p2 - s * q2, s * p2 + c * q2, v[2],
+    )  # fmt: skip
 
 
 @inline
@@ -160,75 +195,3 @@ def symmetric_from_eigen(values, vectors):
         b0 * u20 + b1 * u21 + b2 * u22,
         c0 * u20 + c1 * u21 + c2 * u22,
     )
-
-
-@inline
-def _put_larger_first(p, q, v, w):
-    """Order two eigenvalues downwards with their vectors; a swap flips one vector, so the basis stays proper."""
-    swap = q > p
-    v0, v1, v2 = v
-    w0, w1, w2 = w
-    return (
-        where(swap, q, p),
-        where(swap, p, q),
-        (where(swap, w0, v0), where(swap, w1, v1), where(swap, w2, v2)),
-        (where(swap, -v0, w0), where(swap, -v1, w1), where(swap, -v2, w2)),
-    )
-
-
-@inline
-def _unit(a, fallback):
-    """A vector over its length; ``fallback`` where it is shorter than 1e-18."""
-    x, y, z = a
-    fx, fy, fz = fallback
-    square = x * x + y * y + z * z
-    inverse = _f(1) / sqrt(maximum(square, like(square, _f(1e-36))))
-    short = square < _f(1e-36)
-    return where(short, fx, x * inverse), where(short, fy, y * inverse), where(short, fz, z * inverse)
-
-
-@inline
-def _apply(f, v):
-    f00, f01, f02, f10, f11, f12, f20, f21, f22 = f
-    v0, v1, v2 = v
-    return f00 * v0 + f01 * v1 + f02 * v2, f10 * v0 + f11 * v1 + f12 * v2, f20 * v0 + f21 * v1 + f22 * v2
-
-
-@inline
-def singular_value_decomposition(f):
-    """F = U diag(s) V^T with proper rotations U, V (9 lanes each) and s0 >= s1 >= |s2|; s2 < 0 where det F < 0.
-
-    V from the eigenvectors of F^T F; U by orthogonalising F V, its last column as a cross product. So U and V are
-    rotations for every F, also flat or turned inside out (a rank of one leaves U's second column arbitrary).
-    """
-    f00, f01, f02, f10, f11, f12, f20, f21, f22 = f
-    values, vectors = symmetric_eigen(left_cauchy_green((f00, f10, f20, f01, f11, f21, f02, f12, f22)), 5)
-    p, q, r = values
-    a0, b0, c0, a1, b1, c1, a2, b2, c2 = vectors
-    p, q, a, b = _put_larger_first(p, q, (a0, a1, a2), (b0, b1, b2))
-    p, r, a, c = _put_larger_first(p, r, a, (c0, c1, c2))
-    q, r, b, c = _put_larger_first(q, r, b, c)
-    fa0, fa1, fa2 = _apply(f, a)
-    fb = _apply(f, b)
-    fc = _apply(f, c)
-    u0, u1, u2 = _unit((fa0, fa1, fa2), a)
-    along = u0 * fb[0] + u1 * fb[1] + u2 * fb[2]
-    # any direction across u serves as fallback: cross it with the axis that it least follows
-    follows_x = absolute(u0) > _f(0.7)
-    zero = like(u0, _f(0))
-    across = (where(follows_x, u2, zero), where(follows_x, zero, -u2), where(follows_x, -u0, u1))
-    w0, w1, w2 = _unit((fb[0] - along * u0, fb[1] - along * u1, fb[2] - along * u2), _unit(across, across))
-    t0, t1, t2 = u1 * w2 - u2 * w1, u2 * w0 - u0 * w2, u0 * w1 - u1 * w0
-    s = (
-        u0 * fa0 + u1 * fa1 + u2 * fa2,
-        w0 * fb[0] + w1 * fb[1] + w2 * fb[2],
-        t0 * fc[0] + t1 * fc[1] + t2 * fc[2],
-    )
-    return (u0, w0, t0, u1, w1, t1, u2, w2, t2), s, (a[0], b[0], c[0], a[1], b[1], c[1], a[2], b[2], c[2])
-
-
-@inline
-def polar_rotation(f):
-    """The proper rotation closest to F: R = U V^T."""
-    u, _, v = singular_value_decomposition(f)
-    return matmul_transposed(u, v)

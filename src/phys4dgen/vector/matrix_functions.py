@@ -1,8 +1,8 @@
 """Root, logarithm and exponential of symmetric 3 x 3 matrices near the identity, without eigenvectors.
 
 Each is a ratio of polynomials (a convergent or Pade approximant of the scalar function) whose powers beyond the second
-are replaced by the Cayley-Hamilton theorem, A^3 = I1 A^2 - I2 A + I3, so that it costs one inverse: about a third of an
-eigen-decomposition. All keep the relative digits of small matrices.
+are replaced by the Cayley-Hamilton theorem, A^3 = I1 A^2 - I2 A + I3, so that it costs one inverse: about half of an
+eigen-decomposition and what follows it. All keep the relative digits of small matrices.
 
 A symmetric matrix is six lanes (00, 01, 02, 11, 12, 22). For use inside ``numba.njit``; all are inlined.
 

@@ -10,7 +10,7 @@ per substep than a float32 can hold.
 
 In the axes of b, s_i^2 = 1 + E_i with s_i the elastic stretches, eps_i = ln s_i = log1p(E_i) / 2 (Hencky strain). Where
 E is small in all particles of a batch, functions of it are rational ones of the matrix (``vector.matrix_functions``);
-eigenvectors, three times as dear, are for larger strains.
+eigenvectors, which are dearer, are for larger strains.
 
 Sources: J. C. Simo, *Algorithms for static and dynamic multiplicative plasticity*, Comput. Methods Appl. Mech. Eng. 99
 (1992) 61-112 (b as the state); G. Klar et al., *Drucker-Prager elastoplasticity for sand animation*, SIGGRAPH 2016
@@ -57,7 +57,6 @@ NEAR_ZERO = np.float32(0.4)
 
 _NEAR_ZERO_EXPONENT = np.float32(0.5)
 _LOW, _HIGH = np.float32(0.05**2 - 1), np.float32(20.0**2 - 1)  # stretches count as 0.05 to 20
-_SWEEPS = 4
 _f = np.float32
 
 
@@ -92,7 +91,7 @@ def advanced(state, c, dt):
 @inline
 def principal_strains(e):
     """(E_i, axes): principal values of E within sane limits, three lanes, and eigenvectors, nine."""
-    values, axes = symmetric_eigen(e, _SWEEPS)
+    values, axes = symmetric_eigen(e)
     low, high = like(e[0], _LOW), like(e[0], _HIGH)
     return (
         minimum(maximum(values[0], low), high),
@@ -143,7 +142,7 @@ def _strain_of_hencky(eps):
     x, xy, xz, y, yz, z = eps
     twice = x + x, xy + xy, xz + xz, y + y, yz + yz, z + z
     if any_lane(squared_norm(twice) > like(x, _NEAR_ZERO_EXPONENT * _NEAR_ZERO_EXPONENT)):
-        (t0, t1, t2), axes = symmetric_eigen(twice, _SWEEPS)
+        (t0, t1, t2), axes = symmetric_eigen(twice)
         return symmetric_from_eigen((expm1(t0), expm1(t1), expm1(t2)), axes)
     return expm1_near_zero(twice)
 
