@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from grouping_objects import disc, from_points, ring
 from phys4dgen.grouping.attach import attach
 from phys4dgen.types import SH_C0, Gaussians
 from phys4dgen.types.color import lab_to_srgb
@@ -63,3 +64,19 @@ def test_half_way_between_white_and_black_the_dark_are_of_the_black_part():
 def test_hue_decides_against_the_nearer_part():
     part = _between_two_plates(BUN, (60.0, -35.0, 33.0), _in_the_shade((60.0, -35.0, 33.0), 0.6))
     assert (part == 1).mean() > 0.95
+
+
+def test_an_underside_goes_on_into_the_rim_though_what_stands_above_is_nearer():
+    """A tower of sand on a mound of the same sand: under the tower lies the mound's underside."""
+    rng = np.random.default_rng(2)
+    mound = ring(2000, (1.0, 0.45), (0.0, 0.25), rng)
+    tower = ring(1000, (0.4, 0.35), (0.25, 0.9), rng)
+    underside = disc(500, 0.9, 0.0, rng)
+    points = np.concatenate([mound, tower, underside])
+    lab = rng.normal(0, 3, (len(points), 3)) * [1, 0.5, 0.5] + [70, 5, 25]
+    gaussians = from_points(points, lab_to_srgb(lab), size=0.02, seed=0)
+    patch = np.repeat(np.array([0, 1, -1], np.int32), (2000, 1000, 500))
+    part = attach(gaussians, patch, np.array([0, 1]), color=(lab * [0.5, 1, 1]).astype(np.float32), radius=1.5)
+    inner = np.hypot(*underside[:, :2].T) < 0.5
+    assert inner.sum() > 100
+    assert (part[3000:][inner] == 0).mean() > 0.95

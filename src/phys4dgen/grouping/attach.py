@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from phys4dgen.grouping.lighting import LAB_OFFSET
-from phys4dgen.grouping.supervoxels import LIGHTNESS_WEIGHT
+from phys4dgen.grouping.hidden import follow
 from phys4dgen.types import Frame, Gaussians
-from phys4dgen.types.color import srgb_to_lab
 
 __all__ = ["attach", "number_from_the_ground"]
 
@@ -17,18 +15,6 @@ _NEIGHBOURS = 12
 _SMOOTHING_ROUNDS = 2
 _VOTE_COLOR_SCALE = 8.0
 """Difference of rendered colour at which a neighbour's vote is worth little: a patch ends where its colour does."""
-_NEAREST = 4
-"""How many Gaussians of a part say how far away it is."""
-_AROUND = 16
-"""How many Gaussians of a part say what colour it has there: the colour of a single one is mostly noise."""
-_DISTANCE_FLOOR = 0.03
-"""Of the object's radius: parts nearer than this are equally near."""
-_LEAST_WEIGHT = 0.02
-"""Added to opacity, by which Gaussians count in that colour."""
-_COLOR_SCALE = 16.0
-"""Difference of colour, light aside, at which a Gaussian belongs to a part much less."""
-_LIGHT_WEIGHT = 0.25
-"""How much of a difference that more or less light explains counts."""
 
 
 def attach(
@@ -67,47 +53,8 @@ def attach(
     out[core] = label
     rest = np.flatnonzero(~known)
     if len(rest):
-        out[rest] = _follow(gaussians, core, label, rest, radius)
+        out[rest] = follow(gaussians, core, label, rest, radius=radius)
     return out
-
-
-def _follow(
-    gaussians: Gaussians, core: NDArray[np.intp], label: NDArray[np.int64], rest: NDArray[np.intp], radius: float
-) -> NDArray[np.int64]:
-    """Part that is near and, where it is near, of like colour, for each Gaussian of ``rest``.
-
-    Every part is asked, not only the few nearest Gaussians: a white Gaussian buried in the pot lies closer to the soil.
-    """
-    lab = srgb_to_lab(gaussians.base_colors) * [LIGHTNESS_WEIGHT, 1, 1]
-    lab[:, 0] += LIGHTNESS_WEIGHT * LAB_OFFSET  # all three now shrink by one factor where there is less light
-    opacities = gaussians.opacities.astype(np.float64) + _LEAST_WEIGHT
-    best = np.full(len(rest), -1.0)
-    part = np.zeros(len(rest), np.int64)
-    for candidate in np.unique(label):
-        members = core[label == candidate]
-        distance, near = KDTree(gaussians.means[members]).query(
-            gaussians.means[rest], min(_AROUND, len(members)), workers=-1
-        )
-        distance, near = distance.reshape(len(rest), -1), members[near.reshape(len(rest), -1)]
-        weight = opacities[near] / (distance + _DISTANCE_FLOOR * radius)
-        local = (weight[:, :, None] * lab[near]).sum(1) / weight.sum(1)[:, None]
-        likeness = np.exp(-_difference_but_for_light(lab[rest], local) / _COLOR_SCALE)
-        score = likeness / (distance[:, :_NEAREST].mean(1) + _DISTANCE_FLOOR * radius)
-        part = np.where(score > best, candidate, part)
-        best = np.maximum(score, best)
-    return part
-
-
-def _difference_but_for_light(shown: NDArray[np.float64], lit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Difference of colours (lightness from where light shrinks it to nothing, a, b), both [M, 3]; shape [M].
-
-    What no camera of the views sees lies mostly in the shade, inside and between things. There all colours are nearly
-    black, and the darkest part would win everything; hence less light than on ``lit`` is held against it but little.
-    """
-    square = (lit**2).sum(1)
-    light = np.clip((shown * lit).sum(1) / square, 0, 1)
-    residual = ((shown - light[:, None] * lit) ** 2).sum(1)
-    return np.sqrt(residual + square * (_LIGHT_WEIGHT * (1 - light)) ** 2)
 
 
 def number_from_the_ground(
