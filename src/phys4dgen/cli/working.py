@@ -31,13 +31,22 @@ def work(arguments: Arguments, folder: Path, job: Callable[[Progress], Run | lis
     try:
         with _shown_log(options.verbose), console_progress(quiet=options.quiet) as progress:
             made = job(progress)
-    except KeyboardInterrupt:
+    except BaseException as error:
+        if not _was_interrupted(error):
+            raise
         sys.stderr.write(f"phys4dgen: {_after_interrupt(folder)}\n")
         return 130
     results = made if isinstance(made, list) else made.results
     if not options.quiet:
         sys.stdout.write("\n".join(str(path) for path in results) + "\n")
     return 0
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C began it: a library may fail while it cleans up, as zipfile does with a file half written."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
 
 
 def _after_interrupt(folder: Path) -> str:

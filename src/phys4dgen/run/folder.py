@@ -15,12 +15,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import RunError, SceneError
 from phys4dgen.export.frames import frame_path
 from phys4dgen.formats.atomic import atomic_path
+from phys4dgen.formats.npz import save_npz
 from phys4dgen.input_kinds import is_picture
 from phys4dgen.run.json_text import json_text
 from phys4dgen.run.lock import FolderLock
@@ -257,9 +257,8 @@ class RunFolder:
         self.write_text(path, json_text(value, indent=1))
 
     def write_npz(self, path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Write named arrays whole, without compression (they are read more often than they are sent)."""
-        with atomic_path(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, allow_pickle=False, **arrays)
+        """Write named arrays whole, without compression."""
+        save_npz(path, arrays)
 
     def require_space(self, needed_bytes: int) -> None:
         """Refuse before a long run what the disk could not hold.

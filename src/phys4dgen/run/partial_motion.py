@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import shutil
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.errors import SimulationError
-from phys4dgen.formats import atomic_path
+from phys4dgen.formats.npz import save_npz
 from phys4dgen.progress import Progress
 from phys4dgen.stages.motion import Motion
 
@@ -52,8 +51,8 @@ class PartialMotion:
         for positions, gradients in motion.frames():
             if simulation is not None:
                 k = simulation.frames_done - 1
-                _save(self._frame(k), {"positions": positions, "deformation_gradients": gradients})
-                _save(self._checkpoint, {"made_from": np.array(self._made_from), **simulation.checkpoint()})
+                save_npz(self._frame(k), {"positions": positions, "deformation_gradients": gradients})
+                save_npz(self._checkpoint, {"made_from": np.array(self._made_from), **simulation.checkpoint()})
             yield positions, gradients
 
     def remove(self) -> None:
@@ -92,8 +91,3 @@ class PartialMotion:
         if (positions.shape, gradients.shape) != expected or {positions.dtype, gradients.dtype} != {np.dtype("f4")}:
             raise ValueError(f"{self._frame(k).name} has other sizes")
         return positions, gradients
-
-
-def _save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
