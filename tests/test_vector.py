@@ -34,7 +34,7 @@ from phys4dgen.vector.matrix import (
     symmetric_eigen,
     symmetric_from_eigen,
 )
-from phys4dgen.vector.memory import load16, load32, load_columns32, store, store_columns
+from phys4dgen.vector.memory import load16, load32, load_columns32, prefetch_columns32, store, store_columns
 from phys4dgen.vector.shuffles import (
     group_last,
     group_sums,
@@ -155,6 +155,22 @@ def test_group_shuffles():
         rows[3], np.concatenate([first_three, first_three + 3, 2 * first_three, [3] * 4]), rtol=1e-6
     )
     np.testing.assert_array_equal(rows[4], np.arange(16))
+
+
+@njit
+def _sum_of_columns(x, stride, ahead, out):
+    for i in range(0, stride, 32):
+        prefetch_columns32(x, i + ahead, stride, 3)
+        a, b, c = load_columns32(x, i, stride, 3)
+        store(out, i, a + b + c)
+
+
+@pytest.mark.parametrize("ahead", [0, 64, 2**40, -(2**40)])
+def test_prefetching_changes_nothing_wherever_it_points(ahead):
+    x = np.random.default_rng(3).normal(size=(3, 128)).astype(np.float32)
+    out = np.full(128, np.inf, np.float32)
+    _sum_of_columns(x.ravel(), 128, ahead, out)
+    np.testing.assert_array_equal(out, x[0] + x[1] + x[2])
 
 
 @njit

@@ -16,7 +16,19 @@ from numba.np.arrayobj import populate_array
 
 from phys4dgen.vector.lanes import Lanes, float32x32
 
-__all__ = ["element_pointer", "flat", "load16", "load32", "load_columns32", "load_vector", "store", "store_columns"]
+__all__ = [
+    "element_pointer",
+    "flat",
+    "load16",
+    "load32",
+    "load_columns32",
+    "load_vector",
+    "prefetch_columns32",
+    "store",
+    "store_columns",
+]
+
+_CACHE_LINE = 16  # numbers of 4 bytes
 
 intrinsic: Any = numba.extending.intrinsic  # to a type checker, opaque: it changes the signature
 
@@ -104,6 +116,32 @@ def load_columns32(typing_context, array, index, stride, count):
         return context.make_tuple(builder, sig.return_type, columns)
 
     return result(array, index, stride, count), emit
+
+
+@intrinsic(prefer_literal=True)
+def prefetch_columns32(typing_context, array, index, stride, count):
+    """Have the processor bring what ``load_columns32`` will read into its cache; the place may be outside the array."""
+    if not isinstance(count, types.IntegerLiteral):
+        return None
+    total = count.literal_value
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        at = context.cast(builder, args[1], sig.args[1], types.intp)
+        step = context.cast(builder, args[2], sig.args[2], types.intp)
+        address, number = ir.IntType(8).as_pointer(), ir.IntType(32)
+        prefetch = builder.module.declare_intrinsic(
+            "llvm.prefetch", [address], ir.FunctionType(ir.VoidType(), [address, number, number, number])
+        )
+        for _ in range(total):
+            for line in range(0, 32, _CACHE_LINE):
+                place = builder.add(at, at.type(line))
+                pointer = element_pointer(context, builder, sig.args[0], args[0], types.intp, place)
+                # to be read, kept near, data
+                builder.call(prefetch, [builder.bitcast(pointer, address), number(0), number(3), number(1)])
+            at = builder.add(at, step)
+        return context.get_dummy_value()
+
+    return types.none(array, index, stride, count), emit
 
 
 @intrinsic

@@ -14,12 +14,12 @@ from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 
 from phys4dgen.mpm.kernels.by_address import FLOATS, address_of, caller_of
-from phys4dgen.mpm.kernels.layout import DISPLACEMENT_GRADIENT, LANES, LAW_COLUMNS, inner_kernel
+from phys4dgen.mpm.kernels.layout import AHEAD, DISPLACEMENT_GRADIENT, LANES, LAW_COLUMNS, inner_kernel
 from phys4dgen.mpm.laws.law import Gradient, Law, LawType, law_named
 from phys4dgen.vector.lanes import add_compensated
 from phys4dgen.vector.math import inline
 from phys4dgen.vector.matrix import matmul
-from phys4dgen.vector.memory import load_columns32, store_columns
+from phys4dgen.vector.memory import load_columns32, prefetch_columns32, store_columns
 
 __all__ = ["STRESS", "VELOCITY_GRADIENT", "address_of_law", "call_law", "law_step"]
 
@@ -81,6 +81,9 @@ class _LawAttributes(AttributeTemplate):
     def resolve_state_count(self, law: LawType) -> types.Type:
         return types.literal(len(law_named(law.law_name).state))
 
+    def resolve_column_count(self, law: LawType) -> types.Type:
+        return types.literal(law_named(law.law_name).column_count)
+
     def resolve_advanced_gradient(self, law: LawType) -> types.Type:
         is_elastic = law_named(law.law_name).gradient is Gradient.ELASTIC
         return types.Dispatcher(_advance_elastic if is_elastic else _advance_total)
@@ -110,6 +113,9 @@ def law_step(law, particles, batch, stride, rows, dt):
             ``STRESS`` on; float32 [15 LANES] or longer.
         dt: the substep, s; 0 where all has been advanced already and only the stress is asked for.
     """
+    coming = batch + AHEAD
+    prefetch_columns32(particles, DISPLACEMENT_GRADIENT * stride + coming, stride, 9)
+    prefetch_columns32(particles, LAW_COLUMNS * stride + coming, stride, law.column_count)
     state_at = (LAW_COLUMNS + law.parameter_count) * stride + batch
     c = load_columns32(rows, VELOCITY_GRADIENT, LANES, 9)
     h = load_columns32(particles, DISPLACEMENT_GRADIENT * stride + batch, stride, 9)

@@ -22,6 +22,7 @@ from phys4dgen.mpm.kernels.by_address import FLOATS, address_of, caller_of
 from phys4dgen.mpm.kernels.law_step import STRESS, VELOCITY_GRADIENT, call_law
 from phys4dgen.mpm.kernels.layout import (
     AFFINE,
+    AHEAD,
     FUSED,
     GATHER_ONLY,
     LANES,
@@ -37,7 +38,7 @@ from phys4dgen.mpm.kernels.layout import (
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
 from phys4dgen.vector.lanes import add_compensated, constant16, floor, like, maximum, minimum, splat16, to_int
 from phys4dgen.vector.math import inline
-from phys4dgen.vector.memory import load16, load32, load_columns32, store, store_columns
+from phys4dgen.vector.memory import load16, load32, load_columns32, prefetch_columns32, store, store_columns
 from phys4dgen.vector.shuffles import (
     group_sums,
     load_group_each,
@@ -170,6 +171,11 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
     pending = -1  # cell whose momentum is being accumulated
     a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = zero
     for batch in range(first, last, LANES):
+        coming = batch + AHEAD  # of the columns that every substep reads; the law sees to its own
+        prefetch_columns32(particles, POSITION * stride + coming, stride, 3)
+        prefetch_columns32(particles, POSITION_REST * stride + coming, stride, 3)
+        prefetch_columns32(particles, MASS * stride + coming, stride, 1)
+        prefetch_columns32(particles, VOLUME * stride + coming, stride, 1)
         position = load_columns32(particles, POSITION * stride + batch, stride, 3)
         fx, fy, fz = _prepare_weights(position, shift, bounds, inverse_dx, weights, nodes)
         if stage == SCATTER_ONLY:
