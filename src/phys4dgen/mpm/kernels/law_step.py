@@ -113,9 +113,7 @@ def law_step(law, particles, batch, stride, rows, dt):
             ``STRESS`` on; float32 [15 LANES] or longer.
         dt: the substep, s; 0 where all has been advanced already and only the stress is asked for.
     """
-    coming = batch + AHEAD
-    prefetch_columns32(particles, DISPLACEMENT_GRADIENT * stride + coming, stride, 9)
-    prefetch_columns32(particles, LAW_COLUMNS * stride + coming, stride, law.column_count)
+    prefetch_columns32(particles, LAW_COLUMNS * stride + batch + AHEAD, stride, law.column_count)
     state_at = (LAW_COLUMNS + law.parameter_count) * stride + batch
     c = load_columns32(rows, VELOCITY_GRADIENT, LANES, 9)
     h = load_columns32(particles, DISPLACEMENT_GRADIENT * stride + batch, stride, 9)

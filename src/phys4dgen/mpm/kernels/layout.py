@@ -28,6 +28,7 @@ __all__ = [
     "POSITION",
     "POSITION_REST",
     "SCATTER_ONLY",
+    "SUBSTEP_COLUMNS",
     "VELOCITY",
     "VOLUME",
     "inner_kernel",
@@ -40,20 +41,21 @@ LANES = 32
 """Particles that one batch computes side by side (two AVX-512 registers: the second hides the latency of the first)."""
 
 AHEAD = 2 * LANES
-"""How many particles ahead columns are fetched: a batch reads 20 to 40 columns, more than a processor foresees itself.
+"""How many particles ahead columns are fetched: a batch reads 20 to 40 of them, more than a processor foresees itself.
 
-Of 32, 64, 96 and 128 the last three are equally good, and a third faster than none once the columns outgrow the cache.
+Of 32, 64, 96 and 128 the last three are equally good: a third faster than none once the columns outgrow the cache.
 """
 
 POSITION = 0  # 3 columns, m
 DISPLACEMENT_GRADIENT = 3  # 9 columns, H = F - I row by row: increments of F near 1 would be rounded away
 MASS = 12  # mean particle masses
 VOLUME = 13  # rest volume, m3 per mean particle mass in kg
-VELOCITY = 14  # 3 columns, m/s; valid between segments only
-AFFINE = 17  # 9 columns, APIC matrix C row by row, 1/s; valid between segments only
-LOAD = 26  # row of the kicks: which loads act on the particle
-INDEX = 27  # number n of the particle in the body, as int32 bits; ~n for padding that copies it
-POSITION_REST = 28  # 3 columns, m: what rounding took from POSITION, to be given back
+POSITION_REST = 14  # 3 columns, m: what rounding took from POSITION, to be given back
+SUBSTEP_COLUMNS = 17  # how many columns, all those above, every substep reads
+VELOCITY = 17  # 3 columns, m/s; valid between segments only
+AFFINE = 20  # 9 columns, APIC matrix C row by row, 1/s; valid between segments only
+LOAD = 29  # row of the kicks: which loads act on the particle
+INDEX = 30  # number n of the particle in the body, as int32 bits; ~n for padding that copies it
 LAW_COLUMNS = 31  # from here on each law has its own: its parameters, then its state (``Law.column_count``)
 
 SCATTER_ONLY, FUSED, GATHER_ONLY = 0, 1, 2

@@ -31,6 +31,7 @@ from phys4dgen.mpm.kernels.layout import (
     POSITION,
     POSITION_REST,
     SCATTER_ONLY,
+    SUBSTEP_COLUMNS,
     VELOCITY,
     VOLUME,
     inner_kernel,
@@ -103,13 +104,19 @@ def _add_rows(momentum, at, sy, a0, a1, a2):
 
 
 @inline
-def _gather(velocity, weights, nodes, gathered, sx, sy):
-    """Interpolate velocity and B of every particle of the batch: rows [v . | B_x . | B_y . | B_z .]."""
+def _gather(velocity, weights, nodes, gathered, sx, sy, particles, stride, coming):
+    """Interpolate velocity and B of every particle of the batch: rows [v . | B_x . | B_y . | B_z .].
+
+    Meanwhile the columns of the batch at ``coming`` are fetched, one by one so that they do not wait for each other;
+    laws see to their own.
+    """
     kz = _z_offset()
     current = np.int32(-1)
     zero = splat16(_f(0))
     r00 = r01 = r02 = r10 = r11 = r12 = r20 = r21 = r22 = zero
     for lane in range(LANES):
+        if lane < SUBSTEP_COLUMNS:
+            prefetch_columns32(particles, lane * stride + coming, stride, 1)
         at = nodes[lane]
         if at != current:
             current = at
@@ -171,11 +178,6 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
     pending = -1  # cell whose momentum is being accumulated
     a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = zero
     for batch in range(first, last, LANES):
-        coming = batch + AHEAD  # of the columns that every substep reads; the law sees to its own
-        prefetch_columns32(particles, POSITION * stride + coming, stride, 3)
-        prefetch_columns32(particles, POSITION_REST * stride + coming, stride, 3)
-        prefetch_columns32(particles, MASS * stride + coming, stride, 1)
-        prefetch_columns32(particles, VOLUME * stride + coming, stride, 1)
         position = load_columns32(particles, POSITION * stride + batch, stride, 3)
         fx, fy, fz = _prepare_weights(position, shift, bounds, inverse_dx, weights, nodes)
         if stage == SCATTER_ONLY:
@@ -183,7 +185,7 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
             c = load_columns32(particles, AFFINE * stride + batch, stride, 9)
             law_dt = _f(0)  # the state is that of this moment
         else:
-            _gather(velocity, weights, nodes, rows, sx, sy)
+            _gather(velocity, weights, nodes, rows, sx, sy, particles, stride, batch + AHEAD)
             v0, v1, v2, _0, b00, b10, b20, _1, b01, b11, b21, _2, b02, b12, b22, _3 = load_transposed32(rows, 0)
             k = _f(4) * inverse_dx
             c00, c10, c20 = k * (b00 - v0 * fx), k * (b10 - v1 * fx), k * (b20 - v2 * fx)
