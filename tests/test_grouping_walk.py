@@ -32,6 +32,7 @@ def graph(look: list[float], touching: list[tuple[int, int]], crease: dict[tuple
         centre=np.concatenate([np.zeros((1, 3)), np.cumsum((along[1:] + along[:-1]) / 2, axis=0)]),
         normal=np.stack([-along[:, 2], along[:, 1], along[:, 0]], 1),
         flatness=np.ones(count),
+        diameter=np.zeros(count),
         touching=np.array(touching, np.int32).reshape(-1, 2),
         border=np.full(len(touching), 10.0),
         crease=np.array([crease.get(pair, 0.0) for pair in touching]),

@@ -26,12 +26,15 @@ from phys4dgen.grouping.regions import Regions, describe_regions, join_order, re
 
 __all__ = ["parts_by_random_walk"]
 
+_WAYS = ((0.0, 0.9), (4.0, 0.7), (8.0, 0.5))
+"""Walks whose shares are added up: differences of colour that e times the thickness is worth, shares of the contrast
+along the border by which regions are joined, ..."""
 _REGIONS = (40, 80, 160)
-"""Numbers of regions of the walks whose shares are added up."""
+"""... numbers of regions, ..."""
+_CREASES = (55.0, 120.0)
+"""... and differences of colour that a full concave crease is worth to a walker."""
 _EDGE_SCALE = 2.7
 """Difference between touching regions, in units of colour, at which a step becomes unlikely."""
-_CREASE = 55.0
-"""Difference that a full concave crease is worth."""
 _OVER_ANY_EDGE = 1e-6
 """Least weight of a step between touching regions, where 1 is one within a material."""
 _GIVE_UP = 0.005
@@ -61,6 +64,8 @@ _PAINT_SCALE = 15.0
 _PAINT_GIVE_UP = 0.03
 _PAINT_AREA = 0.02
 """Share of the surface from which an area of one colour is paint rather than an eye, a button, a scrap."""
+_PAINT_COLOR = 3.0
+"""Greatest difference on the way between two regions at which they are hardly of one paint any more."""
 _SHEET = 8.0
 """Weighted thinness of a leaf or a petal, whose edges are not folded anyway."""
 _SMOOTHING_ROUNDS = 6
@@ -75,32 +80,35 @@ def parts_by_random_walk(graph: PatchGraph, seeds: NDArray[np.intp]) -> NDArray[
         graph: S patches.
         seeds: part of each patch that is known, 0 .. G-1, every one of them used; -1 elsewhere, shape [S].
     """
-    look = _smoothed(graph)
-    around = _surroundings(graph, look)
-    order = join_order(graph, look)
+    width = float(np.median(graph.border)) if len(graph.border) else 1.0
     share = np.zeros((len(graph), int(seeds.max()) + 1))
-    for count in _REGIONS:
-        region = regions_at(order, seeds, count)
-        known = np.full(int(region.max()) + 1, -1, np.intp)
-        known[region[seeds >= 0]] = seeds[seeds >= 0]
-        regions = describe_regions(graph, region, look)
-        surroundings = np.stack([np.bincount(region, graph.area * column) for column in around.T], 1)
-        surroundings /= regions.area[:, None]
-        width = float(np.median(graph.border)) if len(graph.border) else 1.0
-        share += _shares(regions, surroundings, known, width)[region]
+    for thickness, along_border in _WAYS:
+        look = _smoothed(graph, np.concatenate([graph.feature, thickness * graph.diameter[:, None]], 1))
+        around = _surroundings(graph, look)
+        order = join_order(graph, look, along_border=along_border)
+        for count in _REGIONS:
+            region = regions_at(order, seeds, count)
+            known = np.full(int(region.max()) + 1, -1, np.intp)
+            known[region[seeds >= 0]] = seeds[seeds >= 0]
+            regions = describe_regions(graph, region, look)
+            surroundings = np.stack([np.bincount(region, graph.area * column) for column in around.T], 1)
+            surroundings /= regions.area[:, None]
+            for crease in _CREASES:
+                share += _shares(regions, surroundings, known, width, crease)[region]
     return share.round(9).argmax(1)  # the first part wins a tie, whatever the round-off
 
 
 def _shares(
-    regions: Regions, surroundings: NDArray[np.float64], known: NDArray[np.intp], width: float
+    regions: Regions, surroundings: NDArray[np.float64], known: NDArray[np.intp], width: float, full_crease: float
 ) -> NDArray[np.float64]:
     """How many of the walkers from each region reach the click of each part, shape [K, G].
 
     Args:
         regions: K regions.
-        surroundings: look of what lies around each, shape [K, 5].
+        surroundings: look of what lies around each, shape [K, 6].
         known: part of each region with a click, -1 elsewhere, shape [K].
         width: length of a usual border between patches.
+        full_crease: difference of colour that a full concave crease is worth.
     """
     clicked, walking = np.flatnonzero(known >= 0), np.flatnonzero(known < 0)
     share = np.eye(int(known.max()) + 1)[known]  # rows of walking regions are overwritten
@@ -109,7 +117,7 @@ def _shares(
     i, j = regions.touching.T
     means = ((regions.look[i] - regions.look[j]) ** 2).sum(1)
     color = np.sqrt((regions.contrast**2 + means) / 2)
-    crease = _CREASE * np.clip(regions.fold, 0, 1)
+    crease = full_crease * np.clip(regions.fold, 0, 1)
     ease = np.exp(-np.hypot(color, crease) / _EDGE_SCALE) + _OVER_ANY_EDGE
     steps = _between(regions, ease * regions.length / width)
     giving_up = _GIVE_UP * _between(regions, regions.length / width).sum(1) + _ROUND_OFF
@@ -118,8 +126,9 @@ def _shares(
     lost = np.zeros(len(known))
     lost[walking] = 1 - np.clip(reached, 0, 1)
     paint_steps = _paint_steps(regions, color, width)
-    painted = _painted(regions, paint_steps, lost=lost)
-    leaps = _leaps(regions, color, surroundings)
+    on_the_way = _greatest_on_the_way(regions, color)
+    painted = _painted(regions, paint_steps, on_the_way, lost=lost)
+    leaps = _leaps(regions, on_the_way, surroundings)
     ways = steps + (lost**2 * painted)[:, None] * paint_steps + (lost**2 * (1 - painted))[:, None] * leaps
     laplacian = np.diag(ways.sum(1) + _ROUND_OFF) - ways
     arrivals = ways[np.ix_(walking, clicked)] @ share[clicked]
@@ -134,16 +143,19 @@ def _paint_steps(regions: Regions, color: NDArray[np.float64], width: float) -> 
     return _between(regions, ease * regions.length / width)
 
 
-def _painted(regions: Regions, paint_steps: NDArray[np.float64], *, lost: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How surely each region is a large painted area of what a click does reach, 0 to 1; shape [K]."""
+def _painted(
+    regions: Regions, paint_steps: NDArray[np.float64], on_the_way: NDArray[np.float64], *, lost: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """How surely each region belongs to a large painted area of what a click does reach, 0 to 1; shape [K]."""
     found = (1 - lost) ** 4
     passing = np.diag(paint_steps.sum(1) + found + _PAINT_GIVE_UP) - paint_steps
     smoothly_reached = np.clip(np.linalg.solve(passing, found), 0, 1)
     solid = np.clip(1 - regions.look[:, 3] / _SHEET, 0, 1)
-    return smoothly_reached * solid * np.minimum(regions.area / _PAINT_AREA, 1) ** 2
+    area = np.exp(-((on_the_way / _PAINT_COLOR) ** 2)) @ regions.area
+    return smoothly_reached * solid * np.minimum(area / _PAINT_AREA, 1) ** 2
 
 
-def _leaps(regions: Regions, color: NDArray[np.float64], surroundings: NDArray[np.float64]) -> NDArray[np.float64]:
+def _leaps(regions: Regions, on_the_way: NDArray[np.float64], surroundings: NDArray[np.float64]) -> NDArray[np.float64]:
     """How readily a walker leaps from each region (row) to those most like it elsewhere (column); shape [K, K]."""
     look, size = regions.look, np.log(regions.area)
     difference = ((look[:, None] - look[None]) ** 2).sum(2)
@@ -156,7 +168,7 @@ def _leaps(regions: Regions, color: NDArray[np.float64], surroundings: NDArray[n
     alike = np.exp(-np.take_along_axis(difference, kin, 1) / (2 * _KIN_SCALE**2))
     out = np.zeros_like(difference)
     np.put_along_axis(out, kin, _LEAP * alike, 1)
-    return out * (1 - np.exp(-((_greatest_on_the_way(regions, color) / _ONE_COLOR) ** 2)))
+    return out * (1 - np.exp(-((on_the_way / _ONE_COLOR) ** 2)))
 
 
 def _greatest_on_the_way(regions: Regions, color: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -180,10 +192,9 @@ def _greatest_on_the_way(regions: Regions, color: NDArray[np.float64]) -> NDArra
     return out
 
 
-def _smoothed(graph: PatchGraph) -> NDArray[np.float64]:
-    """Features of the patches with those of like neighbours mixed in, a bilateral filter on the graph; shape [S, 5]."""
+def _smoothed(graph: PatchGraph, look: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Look of the patches with that of like neighbours mixed in, a bilateral filter on the graph; shape [S, 6]."""
     i, j = graph.touching.T
-    look = graph.feature
     for _ in range(_SMOOTHING_ROUNDS):
         alike = graph.border * np.exp(-((look[i] - look[j]) ** 2).sum(1) / (2 * _SMOOTHING_SCALE**2))
         look = _mixed(graph, look, alike)
@@ -191,14 +202,14 @@ def _smoothed(graph: PatchGraph) -> NDArray[np.float64]:
 
 
 def _surroundings(graph: PatchGraph, look: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Look of the patches blurred over all edges; shape [S, 5]."""
+    """Look of the patches blurred over all edges; shape [S, 6]."""
     for _ in range(_SURROUNDINGS_ROUNDS):
         look = _mixed(graph, look, graph.border)
     return look
 
 
 def _mixed(graph: PatchGraph, look: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Half of each patch's look and half of its neighbours', by the weights of the touching pairs; shape [S, 5]."""
+    """Half of each patch's look and half of its neighbours', by the weights of the touching pairs; shape [S, 6]."""
     i, j = graph.touching.T
     neighbours = coo_matrix(
         (np.tile(weights, 2), (np.concatenate([i, j]), np.concatenate([j, i]))), (len(graph), len(graph))

@@ -126,6 +126,7 @@ def tree_from_arrays(arrays: Mapping[str, NDArray[Any]], gaussian_count: int) ->
         and graph.feature.shape == (count, 5)
         and graph.spread.shape == graph.centre.shape == graph.normal.shape == (count, 3)
         and graph.flatness.shape == (count,)
+        and graph.diameter.shape == (count,)
         and graph.touching.ndim == 2
         and all(len(array) == len(graph.touching) for array in (graph.border, graph.crease))
         and all(len(array) == count - 1 for array in (tree.kept, tree.absorbed, tree.cost, tree.look_cost))

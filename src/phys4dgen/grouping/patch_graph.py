@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from phys4dgen.grouping.diameter import log_diameter
 from phys4dgen.grouping.lighting import unlit
 from phys4dgen.grouping.roundness import rod_likeness
 from phys4dgen.grouping.supervoxels import LIGHTNESS_WEIGHT, Supervoxels
@@ -44,6 +45,7 @@ class PatchGraph:
         centre: mean position, input units, shape [S, 3].
         normal: unit normal, turned towards the cameras, shape [S, 3].
         flatness: 1 for a plane, 0 for a ball or a rod, shape [S].
+        diameter: logarithm of how thick the object is below, in halves of its diagonal, shape [S].
         touching: pairs of patches with a common border, the lower number first, shape [E, 2].
         border: length of that border in neighbour pairs, shape [E].
         crease: how much the surface folds inwards there, in [-0.5, 1], negative on convex edges, shape [E].
@@ -58,6 +60,7 @@ class PatchGraph:
     centre: NDArray[np.float64]
     normal: NDArray[np.float64]
     flatness: NDArray[np.float64]
+    diameter: NDArray[np.float64]
     touching: NDArray[np.int32]
     border: NDArray[np.float64]
     crease: NDArray[np.float64]
@@ -80,6 +83,7 @@ class PatchGraph:
             centre=self.centre[chosen],
             normal=self.normal[chosen],
             flatness=self.flatness[chosen],
+            diameter=self.diameter[chosen],
             touching=number[self.touching[inside]].reshape(-1, 2),
             border=self.border[inside],
             crease=self.crease[inside],
@@ -106,7 +110,8 @@ def patch_graph(
     lightness = color[:, :1] / LIGHTNESS_WEIGHT
     unshaded = (50 + _CHROMA_OFFSET) / (lightness + _CHROMA_OFFSET)  # 1 at middle lightness
     thinness = _THINNESS * patches.thinness
-    rod = _RODNESS * rod_likeness(patches, means[patches.core].astype(np.float64), radius=radius)
+    points = means[patches.core].astype(np.float64)
+    rod = _RODNESS * rod_likeness(patches, points, radius=radius)
     return PatchGraph(
         patch=patch_of_gaussian,
         color=shown,
@@ -117,6 +122,7 @@ def patch_graph(
         centre=patches.centre,
         normal=patches.normal,
         flatness=patches.flatness,
+        diameter=log_diameter(patches, points),
         touching=np.stack([first, second], 1).astype(np.int32),
         border=patches.border[first, second],
         crease=_crease(patches, first, second),

@@ -25,8 +25,6 @@ __all__ = ["Regions", "describe_regions", "folds_between", "join_order", "region
 
 _CREASE = 40.0
 """Difference that a full concave crease is worth, in units of colour."""
-_ALONG_BORDER = 0.7
-"""Share of the contrast along the border in the difference; the rest is that of the means."""
 _SMALL = 0.002
 """Share of the surface up to which a region joins more easily the smaller it is ..."""
 _SIZE_POWER = 0.2
@@ -46,7 +44,7 @@ class Regions(NamedTuple):
 
     Attributes:
         area: share of the surface, shape [K].
-        look: mean of the look of the patches, shape [K, 5].
+        look: mean of the look of the patches, shape [K, D].
         touching: pairs of regions, shape [B, 2].
         length: of their common border, shape [B].
         contrast: difference of look along it, shape [B].
@@ -71,7 +69,7 @@ def describe_regions(
     Args:
         graph: S patches.
         region: region of each, 0 .. K-1, shape [S].
-        look: of each, smoothed, shape [S, 5].
+        look: of each, smoothed, shape [S, D].
         folds: of each touching pair of patches, shape [E]; measured from all that lies near unless given.
     """
     count = int(region.max()) + 1
@@ -96,19 +94,20 @@ def describe_regions(
     )
 
 
-def join_order(graph: PatchGraph, look: NDArray[np.float64]) -> list[tuple[int, int]]:
+def join_order(graph: PatchGraph, look: NDArray[np.float64], *, along_border: float = 0.7) -> list[tuple[int, int]]:
     """In which order touching patches join: the number that goes on to name both, and the one no longer used.
 
     Args:
         graph: S patches.
-        look: of each, smoothed, shape [S, 5].
+        look: of each, smoothed, shape [S, D].
+        along_border: share of the contrast along the border in the difference; the rest is that of the means.
     """
     patches = describe_regions(graph, np.arange(len(graph)), look, folds=graph.crease)
-    order = _join(patches)[: max(len(graph) - _MEASURED_ANEW, 0)]
+    order = _join(patches, along_border)[: max(len(graph) - _MEASURED_ANEW, 0)]
     name = _names(len(graph), order)
     names, region = np.unique(name, return_inverse=True)
     regions = describe_regions(graph, region, look)
-    return order + [(int(names[kept]), int(names[absorbed])) for kept, absorbed in _join(regions)]
+    return order + [(int(names[kept]), int(names[absorbed])) for kept, absorbed in _join(regions, along_border)]
 
 
 def regions_at(order: list[tuple[int, int]], seeds: NDArray[np.intp], count: int) -> NDArray[np.int64]:
@@ -144,7 +143,7 @@ def _names(count: int, order: list[tuple[int, int]]) -> NDArray[np.int64]:
     return name
 
 
-def _join(regions: Regions) -> list[tuple[int, int]]:
+def _join(regions: Regions, along_border: float) -> list[tuple[int, int]]:
     """Order in which touching regions join, cheapest pair first; what lies along their borders is averaged."""
     area = regions.area.tolist()
     look: list[tuple[float, ...]] = list(map(tuple, regions.look.tolist()))
@@ -157,7 +156,7 @@ def _join(regions: Regions) -> list[tuple[int, int]]:
 
     def offer(i: int, j: int) -> tuple[float, int, int, int, int]:
         length, contrast, fold = border[i][j]
-        color = _ALONG_BORDER * contrast / length + (1 - _ALONG_BORDER) * dist(look[i], look[j])
+        color = along_border * contrast / length + (1 - along_border) * dist(look[i], look[j])
         size = min(max(min(area[i], area[j]) / _SMALL, _SIZES[0]), _SIZES[1]) ** _SIZE_POWER
         i, j = min(i, j), max(i, j)
         return hypot(color, _CREASE * max(fold / length, 0.0)) * size, i, j, version[i], version[j]
