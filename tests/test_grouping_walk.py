@@ -64,6 +64,14 @@ def test_the_border_lies_in_the_crease_where_all_is_of_one_colour():
     np.testing.assert_array_equal(part, [0] * 8 + [1] * 4)
 
 
+@pytest.mark.parametrize(("fold", "border"), [(0.0, 8), (-0.5, 6)])
+def test_thickness_parts_what_is_of_one_colour_but_not_over_a_sharp_convex_edge(fold: float, border: int):
+    """A wheel and its car; but the top and the rim of one slab."""
+    some = graph([30.0] * 12, chain(12), {(7, 8): fold})
+    thick = replace(some, diameter=np.log([0.1] * 8 + [0.8] * 4))
+    np.testing.assert_array_equal(parts_by_random_walk(thick, clicks(12, 0, 11)), [0] * border + [1] * (12 - border))
+
+
 def test_an_island_belongs_to_what_it_looks_like():
     """The second half of a bun: between it and the click lies something else, which it touches."""
     look = [50.0] * 4 + [10.0] * 4 + [50.0] * 4

@@ -114,9 +114,7 @@ def _shares(
     share = np.eye(int(known.max()) + 1)[known]  # rows of walking regions are overwritten
     if not len(walking):
         return share
-    i, j = regions.touching.T
-    means = ((regions.look[i] - regions.look[j]) ** 2).sum(1)
-    color = np.sqrt((regions.contrast**2 + means) / 2)
+    color = np.sqrt((regions.contrast**2 + regions.difference**2) / 2)
     crease = full_crease * np.clip(regions.fold, 0, 1)
     ease = np.exp(-np.hypot(color, crease) / _EDGE_SCALE) + _OVER_ANY_EDGE
     steps = _between(regions, ease * regions.length / width)

@@ -35,6 +35,12 @@ _MEASURED_ANEW = 200
 """Number of regions at which creases are measured again from the regions."""
 _REACH = 2.0
 """Distance up to which patches say how the surface lies beside a border, in widths of a patch."""
+_THICKNESS = 5
+"""Column of the look that says how thick the object is. It counts less the sharper a convex edge is: a slab is thin
+below its top and wide behind its rim, and one thing. Parts meet in concave creases (D. Hoffman and W. Richards, "Parts
+of Recognition", Cognition 18, 1984)."""
+_CONVEX = (-0.18, -0.33)
+"""Creases from which an edge is convex, and up to which it is not yet wholly sharp."""
 _SAME_SIDE = 0.3
 """Patches whose normals lie further than a right angle, and by this cosine, from that of the border say nothing."""
 
@@ -48,6 +54,7 @@ class Regions(NamedTuple):
         touching: pairs of regions, shape [B, 2].
         length: of their common border, shape [B].
         contrast: difference of look along it, shape [B].
+        difference: of the two regions' mean look, shape [B].
         crease: how much the surface folds inwards there, between patches, in [-0.5, 1], shape [B].
         fold: the same measured from all that lies near on both sides, shape [B].
     """
@@ -57,6 +64,7 @@ class Regions(NamedTuple):
     touching: NDArray[np.int64]
     length: NDArray[np.float64]
     contrast: NDArray[np.float64]
+    difference: NDArray[np.float64]
     crease: NDArray[np.float64]
     fold: NDArray[np.float64]
 
@@ -83,13 +91,19 @@ def describe_regions(
         return np.bincount(border_of, graph.border[between] * values, len(pair)) / length
 
     area = np.bincount(region, graph.area, count).astype(np.float64)
+    means = np.stack([np.bincount(region, graph.area * column, count) for column in look.T], 1) / area[:, None]
+    crease = along(graph.crease[between])
+    convex = np.clip((crease - _CONVEX[0]) / (_CONVEX[1] - _CONVEX[0]), 0, 1)
+    counted = np.ones((len(pair), look.shape[1]))
+    counted[:, _THICKNESS:] -= convex[:, None]
     return Regions(
         area=area,
-        look=np.stack([np.bincount(region, graph.area * column, count) for column in look.T], 1) / area[:, None],
+        look=means,
         touching=np.stack([pair // count, pair % count], 1),
         length=length,
-        contrast=along(np.linalg.norm(look[i[between]] - look[j[between]], axis=1)),
-        crease=along(graph.crease[between]),
+        contrast=along(np.linalg.norm((look[i[between]] - look[j[between]]) * counted[border_of], axis=1)),
+        difference=np.linalg.norm((means[pair // count] - means[pair % count]) * counted, axis=1),
+        crease=crease,
         fold=along(folds_between(graph, region, between) if folds is None else folds[between]),
     )
 
