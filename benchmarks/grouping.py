@@ -2,6 +2,7 @@
 
     python benchmarks/grouping.py                       # the bundled objects with the noise of a capture
     python benchmarks/grouping.py --prototype-dir DIR   # and the synthetic objects of an earlier study, zoo.py
+    python benchmarks/grouping.py --repainted 0 1 2     # with two parts of one colour, by seed of the noise; no limits
 
 Three columns: with default options, with the number of parts given, and with one click per part (in the middle of the
 largest patch of that part in any of the ``object`` views). All Gaussians with opacity above 0.05 count, buried ones
@@ -16,6 +17,7 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -48,6 +50,10 @@ STUDY = {
     "study, first half": ("snowman", "flower", "burger", "hammer", "chair", "vase"),
     "study, second half": ("mushroom", "car", "duck", "lamp", "cone", "statue"),
 }
+REPAINTED = {"snowman": (1, 0), "potted_flower": (1, 0), "hammer": (1, 0), "hamburger": (1, 0)}
+"""Which part of a bundled object takes on the colour of which."""
+REPAINTED_STUDY = ("snowman", "flower", "burger", "hammer", "chair", "mushroom", "car", "duck", "lamp")
+"""Objects of the study whose second part takes on the colour of the first."""
 Item = tuple[str, Gaussians, NDArray[np.int32], NDArray[np.float64]]
 
 
@@ -83,7 +89,28 @@ def bundled_objects(names: tuple[str, ...]) -> Iterator[Item]:
         yield name, *as_captured(item.gaussians, item.labels), item.up
 
 
-def study_objects(folder: Path, names: tuple[str, ...]) -> Iterator[Item]:
+def repainted(gaussians: Gaussians, labels: NDArray[np.int32], part: int, like: int) -> Gaussians:
+    """The same object with the colours of one part shifted to those of another in the median."""
+    own = labels == part
+    lab = srgb_to_lab(gaussians.base_colors)
+    lab[own] += np.median(lab[labels == like], 0) - np.median(lab[own], 0)
+    sh = gaussians.sh.copy()
+    sh[own, 0] = (lab_to_srgb(lab[own]) - 0.5) / SH_C0
+    return replace(gaussians, sh=sh)
+
+
+def repainted_objects(folder: Path, seed: int) -> Iterator[Item]:
+    """Objects two of whose parts only their shape tells apart; bundled ones, and those of the study if it is here."""
+    for name, (part, like) in REPAINTED.items():
+        item = bundled(name)
+        painted = repainted(item.gaussians, item.labels, part, like)
+        yield name, *as_captured(painted, item.labels, seed=seed), item.up
+    if (folder / "zoo.py").is_file():
+        for name, gaussians, labels, up in study_objects(folder, REPAINTED_STUDY, seed=1 + seed):
+            yield name, repainted(gaussians, labels, 1, 0), labels, up
+
+
+def study_objects(folder: Path, names: tuple[str, ...], *, seed: int = 1) -> Iterator[Item]:
     """The objects of the earlier study, made by its own zoo.py."""
     color = ModuleType("skimage.color")  # all that the study uses of scikit-image
     color.__dict__.update(rgb2lab=srgb_to_lab, lab2rgb=lab_to_srgb)
@@ -93,7 +120,7 @@ def study_objects(folder: Path, names: tuple[str, ...]) -> Iterator[Item]:
     sys.path.insert(0, str(folder))
     make = import_module("zoo").make
     for name in names:
-        made = make(name)
+        made = make(name, seed=seed)
         quats = made["rot"] / np.linalg.norm(made["rot"], axis=1, keepdims=True)
         gaussians = Gaussians(
             means=made["xyz"].astype(np.float32),
@@ -126,13 +153,27 @@ def main() -> int:
     """Print the tables; 1 where a mean misses its limit."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--prototype-dir", type=Path, default=SHARED / "prototypes/grouping")
-    folder = parser.parse_args().prototype_dir
+    parser.add_argument("--repainted", type=int, nargs="+", metavar="SEED", help="objects with two parts of one colour")
+    options = parser.parse_args()
+    folder = options.prototype_dir
+    if options.repainted:
+        return judged(
+            {f"two parts of one colour, seed {seed}": repainted_objects(folder, seed) for seed in options.repainted}
+        )
     sets = {
         "bundled objects, first half": bundled_objects(CHOSEN_ON),
         "bundled objects, second half": bundled_objects(JUDGED_ON),
     }
     if (folder / "zoo.py").is_file():
         sets |= {name: study_objects(folder, names) for name, names in STUDY.items()}
+    missed = judged(sets)
+    if len(sets) == 2:
+        print(f"grouping: {folder / 'zoo.py'} is not here; its objects are left out")
+    return missed
+
+
+def judged(sets: dict[str, Iterator[Item]]) -> int:
+    """Print the table of each set; 1 where a mean misses its limit."""
     missed = False
     for name, items in sets.items():
         heads = (*COLUMNS, *("seen" for _ in COLUMNS))
@@ -144,12 +185,11 @@ def main() -> int:
             cells = "".join(f"{score:11.3f}" for score in row)
             print(f"  {item:14s}{cells}  {count:2d}/{len(np.unique(truth[truth >= 0])):<2d} {seconds:8.1f}", flush=True)
         means = np.mean(rows, axis=0)
-        limits = LIMITS[name]
-        print("  mean          " + "".join(f"{mean:11.3f}" for mean in means))
-        print("  limit         " + "".join(f"{limit:11.3f}" for limit in limits), flush=True)
-        missed |= bool((means[: len(limits)] < limits).any())
-    if len(sets) == 2:
-        print(f"grouping: {folder / 'zoo.py'} is not here; its objects are left out")
+        print("  mean          " + "".join(f"{mean:11.3f}" for mean in means), flush=True)
+        if name in LIMITS:
+            limits = LIMITS[name]
+            print("  limit         " + "".join(f"{limit:11.3f}" for limit in limits), flush=True)
+            missed |= bool((means[: len(limits)] < limits).any())
     return int(missed)
 
 
