@@ -102,6 +102,7 @@ in_turn(competitors)
 
 TAICHI = (
     _SCENE
+    + _PRODUCT
     + """
 import taichi as ti
 from importlib.util import find_spec
@@ -115,6 +116,7 @@ path = Path(more[0]) / "taichi_example.py"
 path.write_text(f"threads = {threads}\\n" + kernels)
 sys.path.insert(0, more[0])
 import taichi_example as example
+competitors = {law: product(law, threads) for law in more[1:]}
 P = example.n_particles
 example.F_x.from_numpy((0.3 + 0.4 * rng.random((P, 3))).astype(np.float32))
 example.F_dg.from_numpy(np.tile(np.eye(3, dtype=np.float32), (P, 1, 1)))
@@ -124,10 +126,11 @@ def run():
     for _ in range(5):
         example.substep(0.0, -9.8, 0.0)
     ti.sync()
-in_turn({"Taichi": (run, P * 5 / 1e6)})
+competitors["Taichi"] = run, P * 5 / 1e6
+in_turn(competitors)
 """
 )
-"""More arguments: a folder to write to."""
+"""More arguments: a folder to write to, laws."""
 
 COMPILE = """
 import sys, time

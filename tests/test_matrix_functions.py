@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from phys4dgen.mpm.laws.elastic_strain import principal_values
+from phys4dgen.vector.batch import BATCH_LANES
 from phys4dgen.vector.matrix_functions import (
     expm1_near_zero,
     half_log1p_near_zero,
@@ -16,7 +17,7 @@ from phys4dgen.vector.matrix_functions import (
     root1p_near_zero,
     squared_norm,
 )
-from phys4dgen.vector.memory import load_columns32, store, store_columns
+from phys4dgen.vector.memory import load_columns, store, store_columns
 
 UPPER = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]
 FLOAT64 = {"root": lambda x: np.expm1(np.log1p(x) / 2), "log": lambda x: np.log1p(x) / 2, "exp": np.expm1}
@@ -25,20 +26,20 @@ LARGEST = {"root": 0.4, "log": 0.4, "exp": 0.5}
 
 @njit
 def _apply(columns, root, logarithm, exponential, squares, norm):
-    a = load_columns32(columns, 0, 32, 6)
+    a = load_columns(columns, 0, BATCH_LANES, 6)
     squared, invariants = powers(a)
-    store_columns(root, 0, 32, root1p_near_zero(a, squared, invariants))
-    store_columns(logarithm, 0, 32, half_log1p_near_zero(a, squared, invariants))
-    store_columns(exponential, 0, 32, expm1_near_zero(a))
-    store_columns(squares, 0, 32, squared)
+    store_columns(root, 0, BATCH_LANES, root1p_near_zero(a, squared, invariants))
+    store_columns(logarithm, 0, BATCH_LANES, half_log1p_near_zero(a, squared, invariants))
+    store_columns(exponential, 0, BATCH_LANES, expm1_near_zero(a))
+    store_columns(squares, 0, BATCH_LANES, squared)
     store(norm, 0, squared_norm(a))
 
 
 def applied(a):
-    """Results [32, 6] by name, the squares and the squared norm of symmetric matrices [32, 3, 3]."""
+    """Results [lanes, 6] by name, the squares and the squared norm of symmetric matrices [lanes, 3, 3]."""
     columns = np.ascontiguousarray(a[:, *UPPER].T, np.float32)
-    root, logarithm, exponential, squares = np.full((4, 6, 32), np.inf, np.float32)
-    norm = np.full(32, np.inf, np.float32)
+    root, logarithm, exponential, squares = np.full((4, 6, BATCH_LANES), np.inf, np.float32)
+    norm = np.full(BATCH_LANES, np.inf, np.float32)
     _apply(columns.ravel(), root.ravel(), logarithm.ravel(), exponential.ravel(), squares.ravel(), norm)
     return {"root": root.T, "log": logarithm.T, "exp": exponential.T}, squares.T, norm
 
@@ -56,7 +57,7 @@ def symmetric(sizes, seed=0):
 
 @pytest.mark.parametrize("name", list(FLOAT64))
 def test_functions_equal_those_of_eigenvalues_at_every_size(name):
-    a = symmetric(np.geomspace(1e-8, LARGEST[name], 32)[::-1])
+    a = symmetric(np.geomspace(1e-8, LARGEST[name], BATCH_LANES)[::-1])
     values, vectors = np.linalg.eigh(a)
     expected = ((vectors * FLOAT64[name](values)[:, None, :]) @ vectors.transpose(0, 2, 1))[:, *UPPER]
     found = applied(a)[0][name]
@@ -65,7 +66,7 @@ def test_functions_equal_those_of_eigenvalues_at_every_size(name):
 
 
 def test_squares_and_norms():
-    a = symmetric(np.full(32, 0.3), seed=1)
+    a = symmetric(np.full(BATCH_LANES, 0.3), seed=1)
     _, squares, norm = applied(a)
     np.testing.assert_allclose(squares, (a @ a)[:, *UPPER], atol=1e-8)
     np.testing.assert_allclose(norm, 0.09, rtol=1e-6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import subprocess
 import sys
 
@@ -11,6 +12,7 @@ import pytest
 from numba import njit
 
 from phys4dgen.vector import math as lane_math
+from phys4dgen.vector.batch import BATCH_LANES
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
 from phys4dgen.vector.lanes import (
     absolute,
@@ -23,7 +25,6 @@ from phys4dgen.vector.lanes import (
     maximum,
     minimum,
     splat16,
-    splat32,
     sqrt,
     to_float,
     to_int,
@@ -34,54 +35,55 @@ from phys4dgen.vector.matrix import (
     symmetric_eigen,
     symmetric_from_eigen,
 )
-from phys4dgen.vector.memory import load16, load32, load_columns32, prefetch_columns32, store, store_columns
+from phys4dgen.vector.memory import load16, load_batch, load_columns, prefetch_columns, store, store_columns
 from phys4dgen.vector.shuffles import (
     group_last,
     group_sums,
     load_group_each,
     load_group_repeated,
     load_transposed16,
-    load_transposed32,
+    load_transposed_batch,
     store_transposed,
 )
 
+N = BATCH_LANES
 ramp = constant16(range(16))
 
 
 @pytest.fixture
 def pairs():
     rng = np.random.default_rng(0)
-    x = rng.normal(0, 3, 32).astype(np.float32)
-    y = rng.normal(0, 3, 32).astype(np.float32)
+    x = rng.normal(0, 3, N).astype(np.float32)
+    y = rng.normal(0, 3, N).astype(np.float32)
     return x, y
 
 
 @njit
-def _arithmetic32(x, y, out):
-    a, b = load32(x, 0), load32(y, 0)
+def _arithmetic(x, y, out):
+    a, b = load_batch(x, 0), load_batch(y, 0)
     store(out, 0, a + b)
-    store(out, 32, a - b)
-    store(out, 64, a * b)
-    store(out, 96, a / b)
-    store(out, 128, -a)
-    store(out, 160, np.float32(2) * a + 1)
-    store(out, 192, minimum(a, b))
-    store(out, 224, maximum(a, b))
-    store(out, 256, sqrt(absolute(a)))
-    store(out, 288, floor(a))
-    store(out, 320, where((a > b) & (a > np.float32(0)), a, b))
-    store(out, 352, where((a <= b) | (a >= np.float32(1)), a, like(b, np.float32(7))))
-    store(out, 384, to_float(to_int(a)))
-    store(out, 416, as_float_bits(as_int_bits(a)))
-    store(out, 448, to_float(minimum(maximum(to_int(a), -1), 2)))
-    store(out, 480, to_float((to_int(a) + 5) * 3 - 1))
-    store(out, 512, splat32(np.float32(4.5)))
+    store(out, N, a - b)
+    store(out, 2 * N, a * b)
+    store(out, 3 * N, a / b)
+    store(out, 4 * N, -a)
+    store(out, 5 * N, np.float32(2) * a + 1)
+    store(out, 6 * N, minimum(a, b))
+    store(out, 7 * N, maximum(a, b))
+    store(out, 8 * N, sqrt(absolute(a)))
+    store(out, 9 * N, floor(a))
+    store(out, 10 * N, where((a > b) & (a > np.float32(0)), a, b))
+    store(out, 11 * N, where((a <= b) | (a >= np.float32(1)), a, like(b, np.float32(7))))
+    store(out, 12 * N, to_float(to_int(a)))
+    store(out, 13 * N, as_float_bits(as_int_bits(a)))
+    store(out, 14 * N, to_float(minimum(maximum(to_int(a), -1), 2)))
+    store(out, 15 * N, to_float((to_int(a) + 5) * 3 - 1))
+    store(out, 16 * N, like(b, np.float32(4.5)))
 
 
 def test_lane_arithmetic_equals_numpy(pairs):
     x, y = pairs
-    out = np.full(17 * 32, np.inf, np.float32)
-    _arithmetic32(x, y, out)
+    out = np.full(17 * N, np.inf, np.float32)
+    _arithmetic(x, y, out)
     whole = x.astype(np.int32)
     expected = [
         x + y,
@@ -100,9 +102,9 @@ def test_lane_arithmetic_equals_numpy(pairs):
         x,
         np.clip(whole, -1, 2),
         (whole + 5) * 3 - 1,
-        np.full(32, 4.5),
+        np.full(N, 4.5),
     ]
-    np.testing.assert_allclose(out.reshape(17, 32), np.array(expected), rtol=3e-7, atol=1e-7)
+    np.testing.assert_allclose(out.reshape(17, N), np.array(expected), rtol=3e-7, atol=1e-7)
 
 
 @njit
@@ -122,13 +124,13 @@ def test_integer_lanes():
 
 @njit
 def _any(x, limit):
-    return any_lane(load32(x, 0) > limit)
+    return any_lane(load_batch(x, 0) > limit)
 
 
 def test_any_lane_sees_a_single_lane():
-    x = np.zeros(32, np.float32)
+    x = np.zeros(N, np.float32)
     assert not _any(x, np.float32(0.5))
-    x[31] = 1
+    x[N - 1] = 1
     assert _any(x, np.float32(0.5))
 
 
@@ -159,9 +161,9 @@ def test_group_shuffles():
 
 @njit
 def _sum_of_columns(x, stride, ahead, out):
-    for i in range(0, stride, 32):
-        prefetch_columns32(x, i + ahead, stride, 3)
-        a, b, c = load_columns32(x, i, stride, 3)
+    for i in range(0, stride, N):
+        prefetch_columns(x, i + ahead, stride, 3)
+        a, b, c = load_columns(x, i, stride, 3)
         store(out, i, a + b + c)
 
 
@@ -183,20 +185,20 @@ def _transpose16(x, columns, rows):
 
 
 @njit
-def _transpose32(x, columns, rows):
-    lanes = load_transposed32(x, 0)
+def _transpose_batch(x, columns, rows):
+    lanes = load_transposed_batch(x, 0)
     store(columns, 0, lanes[0])
-    store(columns, 32, lanes[5])
-    store(columns, 64, lanes[15])
+    store(columns, N, lanes[5])
+    store(columns, 2 * N, lanes[15])
     store_transposed(rows, 0, lanes)
 
 
-@pytest.mark.parametrize("count", [16, 32])
-def test_transposition_and_back(count):
+@pytest.mark.parametrize(("count", "transpose"), [(16, _transpose16), (N, _transpose_batch)])
+def test_transposition_and_back(count, transpose):
     x = np.random.default_rng(2).normal(size=(count, 16)).astype(np.float32)
     columns = np.full((3, count), np.inf, np.float32)
     rows = np.full((count, 16), np.inf, np.float32)
-    (_transpose16 if count == 16 else _transpose32)(x.ravel(), columns.ravel(), rows.ravel())
+    transpose(x.ravel(), columns.ravel(), rows.ravel())
     np.testing.assert_array_equal(columns, x.T[[0, 5, 15]])
     np.testing.assert_array_equal(rows, x)
 
@@ -239,56 +241,56 @@ def test_log1p_and_expm1_keep_the_digits_of_small_numbers():
 
 @njit
 def _columns(x, out):
-    a, b, c = load_columns32(x, 1, 40, 3)
+    a, b, c = load_columns(x, 1, 40, 3)
     store_columns(out, 2, 50, (c, a + b))
-    store_columns(out, 0, 50, load_columns32(x, 0, 40, 0))
+    store_columns(out, 0, 50, load_columns(x, 0, 40, 0))
 
 
 def test_columns_of_lanes():
     x = np.random.default_rng(7).normal(size=120).astype(np.float32)
     out = np.full(100, np.inf, np.float32)
     _columns(x, out)
-    a, b, c = x[1:33], x[41:73], x[81:113]
-    np.testing.assert_array_equal(out[2:34], c)
-    np.testing.assert_array_equal(out[52:84], a + b)
-    assert np.isinf(out[[0, 1, 34, 51, 84, 99]]).all()
+    a, b, c = (x[start : start + N] for start in (1, 41, 81))
+    np.testing.assert_array_equal(out[2 : 2 + N], c)
+    np.testing.assert_array_equal(out[52 : 52 + N], a + b)
+    assert np.isinf(out[[0, 1, 2 + N, 51, 52 + N, 99]]).all()
 
 
 @njit
 def _determinants(a, out):
-    store(out, 0, determinant(load_transposed32(a, 0)[:9]))
+    store(out, 0, determinant(load_transposed_batch(a, 0)[:9]))
 
 
 def test_determinant():
-    a = np.random.default_rng(3).normal(size=(32, 3, 3)).astype(np.float32)
-    packed = np.zeros((32, 16), np.float32)
-    packed[:, :9] = a.reshape(32, 9)
-    out = np.full(32, np.inf, np.float32)
+    a = np.random.default_rng(3).normal(size=(N, 3, 3)).astype(np.float32)
+    packed = np.zeros((N, 16), np.float32)
+    packed[:, :9] = a.reshape(N, 9)
+    out = np.full(N, np.inf, np.float32)
     _determinants(packed.ravel(), out)
     np.testing.assert_allclose(out, np.linalg.det(a.astype(np.float64)), rtol=2e-6, atol=2e-6)
 
 
 @njit
 def _decompose(a, vectors, values, again):
-    a00, a01, a02, _, a11, a12, _, _, a22 = load_transposed32(a, 0)[:9]
+    a00, a01, a02, _, a11, a12, _, _, a22 = load_transposed_batch(a, 0)[:9]
     zero = like(a00, np.float32(0))
     pad = (zero, zero, zero, zero, zero, zero, zero)
     found, axes = symmetric_eigen((a00, a01, a02, a11, a12, a22))
     store_transposed(vectors, 0, axes + pad)
     store_transposed(again, 0, (*symmetric_from_eigen(found, axes), zero, zero, zero, *pad))
     for k in range(3):
-        store(values, 32 * k, found[k])
+        store(values, N * k, found[k])
 
 
 def decompose(a):
-    """Eigenvalues [32, 3], vectors [32, 3, 3] and U diag U^T of 32 symmetric matrices [32, 3, 3]."""
-    packed = np.zeros((32, 16), np.float32)
-    packed[:, :9] = a.reshape(32, 9)
-    vectors, again = (np.full((32, 16), np.inf, np.float32) for _ in range(2))
-    values = np.full((3, 32), np.inf, np.float32)
+    """Eigenvalues [N, 3], vectors [N, 3, 3] and U diag U^T of N symmetric matrices [N, 3, 3]."""
+    packed = np.zeros((N, 16), np.float32)
+    packed[:, :9] = a.reshape(N, 9)
+    vectors, again = (np.full((N, 16), np.inf, np.float32) for _ in range(2))
+    values = np.full((3, N), np.inf, np.float32)
     _decompose(packed.ravel(), vectors.ravel(), values.ravel(), again.ravel())
-    again = again[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(32, 3, 3).astype(np.float64)
-    return values.T.astype(np.float64), vectors[:, :9].reshape(32, 3, 3).astype(np.float64), again
+    again = again[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(N, 3, 3).astype(np.float64)
+    return values.T.astype(np.float64), vectors[:, :9].reshape(N, 3, 3).astype(np.float64), again
 
 
 def rotated(values, rng):
@@ -299,19 +301,19 @@ def rotated(values, rng):
 
 
 def symmetric_matrices(kind, rng):
-    """32 of a kind: what makes an eigen-decomposition hard."""
-    ones = np.ones((32, 3))
+    """N of a kind: what makes an eigen-decomposition hard."""
+    ones = np.ones((N, 3))
     values = {
-        "any": rng.normal(size=(32, 3)),
-        "two alike": rng.normal(size=(32, 1)) + rng.normal(size=(32, 1)) * np.where(np.arange(3) == 2, 1.0, 0.0),
-        "nearly alike": ones + 1e-6 * rng.normal(size=(32, 3)),
+        "any": rng.normal(size=(N, 3)),
+        "two alike": rng.normal(size=(N, 1)) + rng.normal(size=(N, 1)) * np.where(np.arange(3) == 2, 1.0, 0.0),
+        "nearly alike": ones + 1e-6 * rng.normal(size=(N, 3)),
         "alike": 0.3 * ones,
-        "two nearly alike": np.array([0.02, 0.02, -0.05]) + 1e-7 * rng.normal(size=(32, 3)),
-        "yielding snow": np.clip(0.05 * rng.normal(size=(32, 3)), -0.049, 0.015),
-        "evenly spaced": np.array([-1.0, 0.0, 1.0]) * rng.uniform(0.1, 1, (32, 1)),
-        "squeezed and drawn": np.exp(rng.uniform(np.log(0.0025), np.log(400), (32, 3))) - 1,
-        "small": 1e-7 * rng.normal(size=(32, 3)),
-        "tiny": 1e-13 * rng.normal(size=(32, 3)),
+        "two nearly alike": np.array([0.02, 0.02, -0.05]) + 1e-7 * rng.normal(size=(N, 3)),
+        "yielding snow": np.clip(0.05 * rng.normal(size=(N, 3)), -0.049, 0.015),
+        "evenly spaced": np.array([-1.0, 0.0, 1.0]) * rng.uniform(0.1, 1, (N, 1)),
+        "squeezed and drawn": np.exp(rng.uniform(np.log(0.0025), np.log(400), (N, 3))) - 1,
+        "small": 1e-7 * rng.normal(size=(N, 3)),
+        "tiny": 1e-13 * rng.normal(size=(N, 3)),
         "nought": 0 * ones,
     }
     return rotated(values[kind], rng)
@@ -356,12 +358,19 @@ def test_flush_to_zero_is_restored():
     assert smallest[0] * np.float32(0.5) > 0
 
 
-@pytest.mark.skipif(os.environ.get("NUMBA_CPU_NAME") == "generic", reason="already the generic run")
-def test_same_results_on_a_processor_without_vector_extensions():
-    environment = dict(
-        os.environ, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="", NUMBA_DISABLE_PERFORMANCE_WARNINGS="1"
-    )
-    selected = "arithmetic or integer or any or group or transposition or log"
+def other_processors():
+    """Environments by name in which Numba compiles for a processor that is not this one."""
+    plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": "", "NUMBA_DISABLE_PERFORMANCE_WARNINGS": "1"}
+    other_width = {"NUMBA_CPU_NAME": "skylake-avx512" if N == 16 else "x86-64-v3"}
+    is_x86 = pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="the other width is one of x86")
+    return [pytest.param(plain, id="no vectors"), pytest.param(other_width, id="other width", marks=is_x86)]
+
+
+@pytest.mark.skipif("NUMBA_CPU_NAME" in os.environ, reason="already a run for another processor")
+@pytest.mark.parametrize("processor", other_processors())
+def test_same_results_on_other_processors(processor):
+    selected = "arithmetic or integer or any or group or transposition or columns or log"
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__, "-k", selected]
+    environment = os.environ | processor
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout[-2000:]

@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 import phys4dgen
 from phys4dgen.mpm import Body, LawId
 from phys4dgen.mpm.kernels.law_step import STRESS, law_step
-from phys4dgen.mpm.kernels.layout import DISPLACEMENT_GRADIENT, LAW_COLUMNS
+from phys4dgen.mpm.kernels.layout import DISPLACEMENT_GRADIENT, LANES, LAW_COLUMNS, PADDED_TO
 
 __all__ = ["COUNT", "Points", "deviator"]
 
-COUNT = 32
-"""Points at once: what the kernels take."""
+COUNT = PADDED_TO
+"""Points at once: a few batches of the kernels."""
+
+_ROWS = STRESS // LANES + 6  # of a batch: velocity gradient and stress
 
 
 def _forget_stale_kernels() -> None:
@@ -35,7 +37,8 @@ _forget_stale_kernels()
 
 @njit(cache=True, fastmath=True, error_model="numpy")
 def _step(law: Any, particles: Any, rows: Any, dt: Any) -> None:
-    law_step(law, particles, 0, COUNT, rows, dt)
+    for batch in range(0, COUNT, LANES):
+        law_step(law, particles, batch, COUNT, rows[batch * _ROWS : (batch + LANES) * _ROWS], dt)
 
 
 class Points:
@@ -67,11 +70,11 @@ class Points:
 
     def step(self, C: ArrayLike, dt: float = 1.0) -> NDArray[np.float64]:
         """Kirchhoff stress [32, 3, 3] after dt with velocity gradients C [32, 3, 3] (or [3, 3] for all)."""
-        rows = np.full((15, COUNT), np.inf, np.float32)
-        rows[:9] = np.broadcast_to(C, (COUNT, 3, 3)).reshape(COUNT, 9).T
+        rows = np.full((COUNT // LANES, _ROWS, LANES), np.inf, np.float32)
+        rows[:, :9] = np.broadcast_to(C, (COUNT, 3, 3)).reshape(-1, LANES, 9).transpose(0, 2, 1)
         _step(self.law, self._columns.ravel(), rows.ravel(), np.float32(dt))
-        tau = rows[STRESS // COUNT :]
-        return tau[[0, 1, 2, 1, 3, 4, 2, 4, 5]].T.reshape(COUNT, 3, 3).astype(float)
+        tau = rows[:, STRESS // LANES :].transpose(0, 2, 1).reshape(COUNT, 6)
+        return tau[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(COUNT, 3, 3).astype(float)
 
     def deform(self, F: ArrayLike) -> NDArray[np.float64]:
         """Kirchhoff stress after one step that takes the points from rest to F."""

@@ -12,9 +12,9 @@ from phys4dgen.mpm.kernels.layout import (
     AFFINE,
     DISPLACEMENT_GRADIENT,
     INDEX,
-    LANES,
     LAW_COLUMNS,
     MASS,
+    PADDED_TO,
     POSITION,
     POSITION_REST,
     VELOCITY,
@@ -69,9 +69,9 @@ class Particles:
             for law, name, members in of_bodies:
                 if len(members) == 0:
                     continue
-                batches = -(-len(members) // LANES)
-                padded = np.concatenate([members, np.full(batches * LANES - len(members), members[-1])])
-                bounds = start + LANES * np.linspace(0, batches, chunks + 1).round().astype(np.int64)
+                batches = -(-len(members) // PADDED_TO)
+                padded = np.concatenate([members, np.full(batches * PADDED_TO - len(members), members[-1])])
+                bounds = start + PADDED_TO * np.linspace(0, batches, chunks + 1).round().astype(np.int64)
                 ranges.append(np.stack([bounds[:-1], bounds[1:]], 1))
                 laws.append(law)
                 bodies.append(np.searchsorted(names, name))

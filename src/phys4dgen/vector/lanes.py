@@ -1,4 +1,4 @@
-"""Explicit SIMD for Numba: value types of 16 or 32 lanes, lowered to LLVM vector instructions.
+"""Explicit SIMD for Numba: value types of 16 lanes or as many as a ``batch`` has, lowered to LLVM vector instructions.
 
 Numba vectorises simple loops but not the particle mathematics of this package. Here a value such as ``float32x16``
 *is* an LLVM ``<16 x float>``: operators act lane by lane, LLVM splits the lanes over the registers of the machine
@@ -24,6 +24,8 @@ from numba.core.typing import templates
 from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import lower_builtin, lower_cast, models, register_model
 
+from phys4dgen.vector.batch import BATCH_LANES
+
 __all__ = [
     "FAST_MATH",
     "Lanes",
@@ -33,18 +35,16 @@ __all__ = [
     "as_float_bits",
     "as_int_bits",
     "constant16",
+    "float32_batch",
     "float32x16",
-    "float32x32",
     "floor",
     "int32x16",
-    "int32x32",
     "like",
     "maximum",
     "minimum",
     "root_and_inverse",
     "shuffled",
     "splat16",
-    "splat32",
     "sqrt",
     "to_float",
     "to_int",
@@ -86,9 +86,8 @@ class _LanesModel(models.PrimitiveModel):
 
 
 float32x16 = Lanes("float32", 16)
-float32x32 = Lanes("float32", 32)
+float32_batch = Lanes("float32", BATCH_LANES)
 int32x16 = Lanes("int32", 16)
-int32x32 = Lanes("int32", 32)
 
 
 def _broadcast(builder: Any, value: Any, vector: ir.VectorType) -> Any:
@@ -335,12 +334,6 @@ def as_float_bits(typing_context, x):
 def splat16(typing_context, x):
     """The number x in 16 float32 lanes."""
     return float32x16(types.float32), lambda context, builder, sig, args: _broadcast(builder, args[0], float32x16.llvm)
-
-
-@intrinsic
-def splat32(typing_context, x):
-    """The number x in 32 float32 lanes."""
-    return float32x32(types.float32), lambda context, builder, sig, args: _broadcast(builder, args[0], float32x32.llvm)
 
 
 @intrinsic

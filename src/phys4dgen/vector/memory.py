@@ -14,16 +14,17 @@ from numba.core import cgutils, types
 from numba.core.imputils import impl_ret_borrowed
 from numba.np.arrayobj import populate_array
 
-from phys4dgen.vector.lanes import Lanes, float32x32
+from phys4dgen.vector.batch import BATCH_LANES
+from phys4dgen.vector.lanes import Lanes, float32_batch
 
 __all__ = [
     "element_pointer",
     "flat",
     "load16",
-    "load32",
-    "load_columns32",
+    "load_batch",
+    "load_columns",
     "load_vector",
-    "prefetch_columns32",
+    "prefetch_columns",
     "store",
     "store_columns",
 ]
@@ -76,9 +77,9 @@ def load16(typing_context, array, index):
 
 
 @intrinsic
-def load32(typing_context, array, index):
-    """32 lanes from array[index], [index + 1], ..."""
-    lanes = Lanes(_array_kind(array), 32)
+def load_batch(typing_context, array, index):
+    """A batch of lanes from array[index], [index + 1], ..."""
+    lanes = Lanes(_array_kind(array), BATCH_LANES)
     return lanes(array, index), lambda c, b, sig, args: load_vector(c, b, sig, args, lanes.llvm)
 
 
@@ -95,13 +96,13 @@ def store(typing_context, array, index, lanes):
 
 
 @intrinsic(prefer_literal=True)
-def load_columns32(typing_context, array, index, stride, count):
-    """32 lanes from array[index], array[index + stride], ...: a tuple of ``count``, which must be a constant."""
+def load_columns(typing_context, array, index, stride, count):
+    """A batch of lanes from array[index], array[index + stride], ...: a tuple of ``count``, a constant."""
     if not isinstance(count, types.IntegerLiteral):
         return None
     total = count.literal_value
     # not UniTuple: Numba cannot type an empty one
-    result = types.Tuple([float32x32] * total)
+    result = types.Tuple([float32_batch] * total)
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         at = context.cast(builder, args[1], sig.args[1], types.intp)
@@ -109,7 +110,7 @@ def load_columns32(typing_context, array, index, stride, count):
         columns = []
         for _ in range(total):
             pointer = element_pointer(context, builder, sig.args[0], args[0], types.intp, at)
-            value = builder.load(builder.bitcast(pointer, float32x32.llvm.as_pointer()))
+            value = builder.load(builder.bitcast(pointer, float32_batch.llvm.as_pointer()))
             value.align = 4
             columns.append(value)
             at = builder.add(at, step)
@@ -119,8 +120,8 @@ def load_columns32(typing_context, array, index, stride, count):
 
 
 @intrinsic(prefer_literal=True)
-def prefetch_columns32(typing_context, array, index, stride, count):
-    """Have the processor bring what ``load_columns32`` will read into its cache; the place may be outside the array."""
+def prefetch_columns(typing_context, array, index, stride, count):
+    """Have the processor bring what ``load_columns`` will read into its cache; the place may be outside the array."""
     if not isinstance(count, types.IntegerLiteral):
         return None
     total = count.literal_value
@@ -133,7 +134,7 @@ def prefetch_columns32(typing_context, array, index, stride, count):
             "llvm.prefetch", [address], ir.FunctionType(ir.VoidType(), [address, number, number, number])
         )
         for _ in range(total):
-            for line in range(0, 32, _CACHE_LINE):
+            for line in range(0, BATCH_LANES, _CACHE_LINE):
                 place = builder.add(at, at.type(line))
                 pointer = element_pointer(context, builder, sig.args[0], args[0], types.intp, place)
                 # to be read, kept near, data

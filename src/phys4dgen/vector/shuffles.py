@@ -9,7 +9,8 @@ import numba.extending
 from llvmlite import ir
 from numba.core import cgutils, types
 
-from phys4dgen.vector.lanes import FAST_MATH, float32x16, float32x32, shuffled
+from phys4dgen.vector.batch import BATCH_LANES
+from phys4dgen.vector.lanes import FAST_MATH, float32_batch, float32x16, shuffled
 from phys4dgen.vector.memory import element_pointer, load_vector
 
 __all__ = [
@@ -18,7 +19,7 @@ __all__ = [
     "load_group_each",
     "load_group_repeated",
     "load_transposed16",
-    "load_transposed32",
+    "load_transposed_batch",
     "store_transposed",
 ]
 
@@ -121,9 +122,9 @@ def load_transposed16(typing_context, array, index):
 
 
 @intrinsic
-def load_transposed32(typing_context, array, index):
-    """32 rows of 16 floats from array[index] on -> the 16 columns, each 32 lanes (lane = row)."""
-    return types.UniTuple(float32x32, 16)(array, index), _emit_load_transposed(32)
+def load_transposed_batch(typing_context, array, index):
+    """As many rows of 16 floats as a batch has lanes, from array[index] on -> the 16 columns (lane = row)."""
+    return types.UniTuple(float32_batch, 16)(array, index), _emit_load_transposed(BATCH_LANES)
 
 
 @intrinsic

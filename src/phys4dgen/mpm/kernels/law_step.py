@@ -19,7 +19,7 @@ from phys4dgen.mpm.laws.law import Gradient, Law, LawType, law_named
 from phys4dgen.vector.lanes import add_compensated
 from phys4dgen.vector.math import inline
 from phys4dgen.vector.matrix import matmul
-from phys4dgen.vector.memory import load_columns32, prefetch_columns32, store_columns
+from phys4dgen.vector.memory import load_columns, prefetch_columns, store_columns
 
 __all__ = ["STRESS", "VELOCITY_GRADIENT", "address_of_law", "call_law", "law_step"]
 
@@ -52,7 +52,7 @@ def _advance_total(particles, batch, rest_at, stride, h, c, dt):
 def _advance_elastic(particles, batch, rest_at, stride, h, c, dt):
     """H after a substep, stored too with what rounding took from it; see ``Gradient.ELASTIC``."""
     h0, h1, h2, h3, h4, h5, h6, h7, h8 = h
-    r0, r1, r2, r3, r4, r5, r6, r7, r8 = load_columns32(particles, rest_at, stride, 9)
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = load_columns(particles, rest_at, stride, 9)
     d0, d1, d2, d3, d4, d5, d6, d7, d8 = _step(h, c, dt)
     h0, r0 = add_compensated(h0, r0, d0)
     h1, r1 = add_compensated(h1, r1, d1)
@@ -113,14 +113,14 @@ def law_step(law, particles, batch, stride, rows, dt):
             ``STRESS`` on; float32 [15 LANES] or longer.
         dt: the substep, s; 0 where all has been advanced already and only the stress is asked for.
     """
-    prefetch_columns32(particles, LAW_COLUMNS * stride + batch + AHEAD, stride, law.column_count)
+    prefetch_columns(particles, LAW_COLUMNS * stride + batch + AHEAD, stride, law.column_count)
     state_at = (LAW_COLUMNS + law.parameter_count) * stride + batch
-    c = load_columns32(rows, VELOCITY_GRADIENT, LANES, 9)
-    h = load_columns32(particles, DISPLACEMENT_GRADIENT * stride + batch, stride, 9)
+    c = load_columns(rows, VELOCITY_GRADIENT, LANES, 9)
+    h = load_columns(particles, DISPLACEMENT_GRADIENT * stride + batch, stride, 9)
     if dt > 0:
         h = law.advanced_gradient(particles, batch, state_at + law.state_count * stride, stride, h, c, dt)
-    parameters = load_columns32(particles, LAW_COLUMNS * stride + batch, stride, law.parameter_count)
-    state = load_columns32(particles, state_at, stride, law.state_count)
+    parameters = load_columns(particles, LAW_COLUMNS * stride + batch, stride, law.parameter_count)
+    state = load_columns(particles, state_at, stride, law.state_count)
     tau, state = law.response(h, c, dt, parameters, state)
     store_columns(particles, state_at, stride, state)
     store_columns(rows, STRESS, LANES, tau)

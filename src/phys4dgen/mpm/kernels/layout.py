@@ -2,7 +2,7 @@
 
 Particles are float32 columns of one array [columns, stride]; a particle's number is its place along the second
 axis. They are ordered by law, then by grid cell, and each law's range is padded with massless particles to a multiple
-of ``LANES``.
+of ``PADDED_TO``.
 
 Units inside the kernels: metres from a fixed origin, seconds, pascals; mass and volume divided by the body's mean
 particle mass, so that node masses are of order one whatever the size of the object.
@@ -13,6 +13,8 @@ from __future__ import annotations
 from typing import Any
 
 import numba
+
+from phys4dgen.vector.batch import BATCH_LANES, WIDEST_BATCH
 
 __all__ = [
     "AFFINE",
@@ -25,6 +27,7 @@ __all__ = [
     "LAW_COLUMNS",
     "LOAD",
     "MASS",
+    "PADDED_TO",
     "POSITION",
     "POSITION_REST",
     "SCATTER_ONLY",
@@ -37,14 +40,17 @@ __all__ = [
     "strict_kernel",
 ]
 
-LANES = 32
-"""Particles that one batch computes side by side (two AVX-512 registers: the second hides the latency of the first)."""
+LANES = BATCH_LANES
+"""Particles that one batch computes side by side."""
 
-AHEAD = 2 * LANES
+AHEAD = 64
 """How many particles ahead columns are fetched: a batch reads 20 to 40 of them, more than a processor foresees itself.
 
 Of 32, 64, 96 and 128 the last three are equally good: a third faster than none once the columns outgrow the cache.
 """
+
+PADDED_TO = WIDEST_BATCH
+"""So that particles fall into chunks, and sums come out, as on any other processor."""
 
 POSITION = 0  # 3 columns, m
 DISPLACEMENT_GRADIENT = 3  # 9 columns, H = F - I row by row: increments of F near 1 would be rounded away

@@ -1,8 +1,8 @@
 """Grid to particles, constitutive law, particles to grid: one pass over a range of sorted particles of one law.
 
-MLS-MPM with APIC transfers and quadratic B-splines. Particle mathematics runs on 32 particles at once; the transfers
-run particle by particle on rows of 16 lanes = 4 neighbouring nodes along z times (vx, vy, vz, mass). Particles come
-sorted by cell, so the nine rows around a cell are loaded once and its momentum is accumulated in registers.
+MLS-MPM with APIC transfers and quadratic B-splines. Particle mathematics runs on a batch of particles at once, the
+transfers particle by particle on rows of 16 lanes = 4 neighbouring nodes along z times (vx, vy, vz, mass). Particles
+come sorted by cell, so the nine rows around a cell are loaded once and its momentum is accumulated in registers.
 
 Symbols: fx, fy, fz offset of a particle from its central node in cells; B = sum_i w_i v_i (x_i - x_p)^T / dx;
 C = 4/dx B is the affine velocity matrix, the node's momentum is w_i (m v + A (x_i - x_p)/dx) with
@@ -39,27 +39,28 @@ from phys4dgen.mpm.kernels.layout import (
 from phys4dgen.vector.float_state import begin_flush_to_zero, restore_float_state
 from phys4dgen.vector.lanes import add_compensated, constant16, floor, like, maximum, minimum, splat16, to_int
 from phys4dgen.vector.math import inline
-from phys4dgen.vector.memory import load16, load32, load_columns32, prefetch_columns32, store, store_columns
+from phys4dgen.vector.memory import load16, load_batch, load_columns, prefetch_columns, store, store_columns
 from phys4dgen.vector.shuffles import (
     group_sums,
     load_group_each,
     load_group_repeated,
-    load_transposed32,
+    load_transposed_batch,
     store_transposed,
 )
 
 __all__ = ["address_of_pass", "call_pass"]
 
 _f = np.float32
+_FETCHED = -(-SUBSTEP_COLUMNS // LANES)  # columns that each lane fetches
 _z_offset = constant16([-1] * 4 + [0] * 4 + [1] * 4 + [0] * 4)
 
 
 @inline
 def _advance3(particles, at, rest_at, stride, values, steps):
     """Add steps to values with compensated rounding; stores both columns and returns the new values."""
-    a, a_rest = add_compensated(values[0], load32(particles, rest_at), steps[0])
-    b, b_rest = add_compensated(values[1], load32(particles, rest_at + stride), steps[1])
-    c, c_rest = add_compensated(values[2], load32(particles, rest_at + 2 * stride), steps[2])
+    a, a_rest = add_compensated(values[0], load_batch(particles, rest_at), steps[0])
+    b, b_rest = add_compensated(values[1], load_batch(particles, rest_at + stride), steps[1])
+    c, c_rest = add_compensated(values[2], load_batch(particles, rest_at + 2 * stride), steps[2])
     store_columns(particles, at, stride, (a, b, c))
     store_columns(particles, rest_at, stride, (a_rest, b_rest, c_rest))
     return a, b, c
@@ -107,7 +108,7 @@ def _add_rows(momentum, at, sy, a0, a1, a2):
 def _gather(velocity, weights, nodes, gathered, sx, sy, particles, stride, coming):
     """Interpolate velocity and B of every particle of the batch: rows [v . | B_x . | B_y . | B_z .].
 
-    Meanwhile the columns of the batch at ``coming`` are fetched, one by one so that they do not wait for each other;
+    Meanwhile the columns of the batch at ``coming`` are fetched, few at a time so that they do not wait for each other;
     laws see to their own.
     """
     kz = _z_offset()
@@ -115,8 +116,8 @@ def _gather(velocity, weights, nodes, gathered, sx, sy, particles, stride, comin
     zero = splat16(_f(0))
     r00 = r01 = r02 = r10 = r11 = r12 = r20 = r21 = r22 = zero
     for lane in range(LANES):
-        if lane < SUBSTEP_COLUMNS:
-            prefetch_columns32(particles, lane * stride + coming, stride, 1)
+        if lane * _FETCHED < SUBSTEP_COLUMNS:
+            prefetch_columns(particles, lane * _FETCHED * stride + coming, stride, _FETCHED)
         at = nodes[lane]
         if at != current:
             current = at
@@ -178,15 +179,15 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
     pending = -1  # cell whose momentum is being accumulated
     a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = zero
     for batch in range(first, last, LANES):
-        position = load_columns32(particles, POSITION * stride + batch, stride, 3)
+        position = load_columns(particles, POSITION * stride + batch, stride, 3)
         fx, fy, fz = _prepare_weights(position, shift, bounds, inverse_dx, weights, nodes)
         if stage == SCATTER_ONLY:
-            v0, v1, v2 = load_columns32(particles, VELOCITY * stride + batch, stride, 3)
-            c = load_columns32(particles, AFFINE * stride + batch, stride, 9)
+            v0, v1, v2 = load_columns(particles, VELOCITY * stride + batch, stride, 3)
+            c = load_columns(particles, AFFINE * stride + batch, stride, 9)
             law_dt = _f(0)  # the state is that of this moment
         else:
             _gather(velocity, weights, nodes, rows, sx, sy, particles, stride, batch + AHEAD)
-            v0, v1, v2, _0, b00, b10, b20, _1, b01, b11, b21, _2, b02, b12, b22, _3 = load_transposed32(rows, 0)
+            v0, v1, v2, _0, b00, b10, b20, _1, b01, b11, b21, _2, b02, b12, b22, _3 = load_transposed_batch(rows, 0)
             k = _f(4) * inverse_dx
             c00, c10, c20 = k * (b00 - v0 * fx), k * (b10 - v1 * fx), k * (b20 - v2 * fx)
             c01, c11, c21 = k * (b01 - v0 * fy), k * (b11 - v1 * fy), k * (b21 - v2 * fy)
@@ -200,7 +201,7 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
         call_law(law, particles, batch, stride, rows, law_dt)
         if stage == GATHER_ONLY:
             store_columns(particles, VELOCITY * stride + batch, stride, (v0, v1, v2))
-            store_columns(particles, AFFINE * stride + batch, stride, load_columns32(rows, VELOCITY_GRADIENT, LANES, 9))
+            store_columns(particles, AFFINE * stride + batch, stride, load_columns(rows, VELOCITY_GRADIENT, LANES, 9))
             continue
         if stage == FUSED:
             fx, fy, fz = _prepare_weights(position, shift, bounds, inverse_dx, weights, nodes)
@@ -211,15 +212,15 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
                 kick[LANES + lane] = kicks[row, 1]
                 kick[2 * LANES + lane] = kicks[row, 2]
                 kick[3 * LANES + lane] = kicks[row, 3]
-            beta = load32(kick, 3 * LANES)
-            v0 = v0 + load32(kick, 0) - beta * v0
-            v1 = v1 + load32(kick, LANES) - beta * v1
-            v2 = v2 + load32(kick, 2 * LANES) - beta * v2
-        mass = load32(particles, MASS * stride + batch)
+            beta = load_batch(kick, 3 * LANES)
+            v0 = v0 + load_batch(kick, 0) - beta * v0
+            v1 = v1 + load_batch(kick, LANES) - beta * v1
+            v2 = v2 + load_batch(kick, 2 * LANES) - beta * v2
+        mass = load_batch(particles, MASS * stride + batch)
         m = mass / inverse_dx  # so that 4 m B = m dx C
-        q = load32(particles, VOLUME * stride + batch) * (_f(-4) * inverse_dx * dt)
-        t00, t01, t02, t11, t12, t22 = load_columns32(rows, STRESS, LANES, 6)
-        c00, c01, c02, c10, c11, c12, c20, c21, c22 = load_columns32(rows, VELOCITY_GRADIENT, LANES, 9)
+        q = load_batch(particles, VOLUME * stride + batch) * (_f(-4) * inverse_dx * dt)
+        t00, t01, t02, t11, t12, t22 = load_columns(rows, STRESS, LANES, 6)
+        c00, c01, c02, c10, c11, c12, c20, c21, c22 = load_columns(rows, VELOCITY_GRADIENT, LANES, 9)
         a_xx, a_xy, a_xz = m * c00 + q * t00, m * c01 + q * t01, m * c02 + q * t02
         a_yx, a_yy, a_yz = m * c10 + q * t01, m * c11 + q * t11, m * c12 + q * t12
         a_zx, a_zy, a_zz = m * c20 + q * t02, m * c21 + q * t12, m * c22 + q * t22
