@@ -1,4 +1,4 @@
-"""Gaussians that no view sees: which part they follow."""
+"""From patches to Gaussians: the vote at the borders, and which part Gaussians follow that no view sees."""
 
 from __future__ import annotations
 
@@ -80,3 +80,22 @@ def test_an_underside_goes_on_into_the_rim_though_what_stands_above_is_nearer():
     inner = np.hypot(*underside[:, :2].T) < 0.5
     assert inner.sum() > 100
     assert (part[3000:][inner] == 0).mean() > 0.95
+
+
+@pytest.mark.parametrize("thing_width", [0.12, 0.3])
+def test_a_patch_that_lies_across_the_border_of_a_part_does_not_take_what_is_beyond(thing_width: float):
+    """Red and green stripes; every second red patch reaches over a quarter of the green stripe beside it."""
+    rng = np.random.default_rng(0)
+    x, y = np.meshgrid(np.linspace(-1, 1, 80), np.linspace(-1, 1, 80))
+    x, y = x.ravel() + rng.normal(0, 0.004, 6400), y.ravel() + rng.normal(0, 0.004, 6400)
+    stripe = np.floor((x + 1.1) / thing_width).astype(int)
+    truth = stripe % 2
+    lab = np.where(truth[:, None] == 0, [45.0, 40.0, 20.0], [50.0, -25.0, 25.0]) + rng.normal(0, 5, (6400, 3))
+    block = np.floor((y + 1.1) / thing_width).astype(int)
+    beyond = (truth == 1) & (block % 2 == 0) & ((x + 1.1) / thing_width - stripe < 0.25)
+    patch = np.unique((stripe - beyond) * 1000 + block, return_inverse=True)[1].astype(np.int32)
+    of_patch = np.array([np.bincount(truth[patch == number]).argmax() for number in range(patch.max() + 1)])
+    gaussians = from_points(np.stack([x, y, 0 * x], 1), lab_to_srgb(lab), size=0.02, seed=0)
+    part = attach(gaussians, patch, of_patch, color=(lab * [0.5, 1, 1]).astype(np.float32), radius=1.4)
+    assert (of_patch[patch] != truth).mean() > 0.05
+    assert (part != truth).mean() < 0.01

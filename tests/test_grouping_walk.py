@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from phys4dgen.grouping.clicked import parts_by_random_walk
@@ -113,6 +113,8 @@ def test_of_two_parts_of_one_look_an_island_belongs_to_the_one_in_like_surroundi
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(1, 40), st.integers(0, 10**6))
+@example(16, 87053)  # the fourth most alike is one of two that look the same
+@example(38, 838890)  # patches that no click can reach
 def test_any_graph_gives_every_patch_a_part_and_keeps_the_clicks(count: int, seed: int):
     rng = np.random.default_rng(seed)
     pairs = [(i, j) for i in range(count) for j in range(i + 1, count) if rng.uniform() < 2 / count]

@@ -11,10 +11,13 @@ from phys4dgen.types import Frame, Gaussians
 
 __all__ = ["attach", "number_from_the_ground"]
 
-_NEIGHBOURS = 12
+_NEIGHBOURS = 36
 _SMOOTHING_ROUNDS = 2
 _VOTE_COLOR_SCALE = 8.0
 """Difference of rendered colour at which a neighbour's vote is worth little: a patch ends where its colour does."""
+_TYPICAL_SCALE = 8.0
+"""Difference from its patch's mean colour at which a Gaussian's vote is worth little: a patch lies mostly, not wholly,
+in its part, and what looks unlike it may well belong to the next one."""
 
 
 def attach(
@@ -27,8 +30,8 @@ def attach(
 ) -> NDArray[np.int64]:
     """Part of every Gaussian, shape [N].
 
-    The visible surface takes its patch's part, corrected by a vote among neighbours of its colour; all others follow
-    the parts around them, near ones and those of like colour, light aside, first.
+    The visible surface takes its patch's part, corrected by a vote among neighbours of its colour that look as their
+    patches do; all others follow the parts around them, near ones and those of like colour, light aside, first.
 
     Args:
         gaussians: N static Gaussians.
@@ -44,9 +47,10 @@ def attach(
     tree = KDTree(gaussians.means[core])
     neighbours = tree.query(gaussians.means[core], min(_NEIGHBOURS + 1, len(core)), workers=-1)[1]
     neighbours = neighbours.reshape(len(core), -1)
-    shown = color[core].astype(np.float64)
-    difference = ((shown[neighbours] - shown[:, None]) ** 2).sum(2)
-    votes = np.exp(-difference / _VOTE_COLOR_SCALE**2)  # its own, as its first neighbour, counts 1
+    shown = color[core]
+    difference = ((shown[neighbours] - shown[:, None]) ** 2).sum(2, dtype=np.float64)
+    votes = np.exp(-difference / _VOTE_COLOR_SCALE**2)  # the first neighbour is itself
+    votes *= _typical(shown, patch[core])[neighbours]
     for _ in range(_SMOOTHING_ROUNDS):
         label = _majority(label[neighbours], votes, part_count)
     out = np.zeros(len(gaussians), np.int64)
@@ -71,6 +75,13 @@ def number_from_the_ground(
     mean_height = np.bincount(dense, weight * height) / np.bincount(dense, weight)
     order = np.argsort(mean_height, kind="stable")
     return np.argsort(order)[dense].astype(np.int32), old[order]
+
+
+def _typical(shown: NDArray[np.float32], patch: NDArray[np.int32]) -> NDArray[np.float64]:
+    """How much each Gaussian looks as its patch does in the mean, 1 at most, shape [K]."""
+    size = np.maximum(np.bincount(patch), 1)
+    mean = np.stack([np.bincount(patch, column) / size for column in shown.T], 1)
+    return np.exp(-((shown - mean[patch]) ** 2).sum(1) / _TYPICAL_SCALE**2)
 
 
 def _majority(labels: NDArray[np.int64], weights: NDArray[np.float64], count: int) -> NDArray[np.int64]:

@@ -40,7 +40,8 @@ _OVER_ANY_EDGE = 1e-6
 _GIVE_UP = 0.005
 """How readily a walker gives up, where 1 is stepping on: what it has not reached by then is out of reach on foot."""
 _ROUND_OFF = 1e-9
-"""Added to the diagonal, lest a region that neither touches nor resembles another make the system singular."""
+"""Added to the diagonal, lest a region that neither touches nor resembles another make the system singular; differences
+this close are a tie."""
 _LEAP = 3.0
 """Weight of a leap to a region of the very same look and surroundings from where no click can be reached on foot."""
 _KIN = 4
@@ -95,7 +96,7 @@ def parts_by_random_walk(graph: PatchGraph, seeds: NDArray[np.intp]) -> NDArray[
             surroundings /= regions.area[:, None]
             for crease in _CREASES:
                 share += _shares(regions, surroundings, known, width, crease)[region]
-    return share.round(9).argmax(1)  # the first part wins a tie, whatever the round-off
+    return share.round(6).argmax(1)  # the first part wins a tie, whatever the round-off, and what no click can reach
 
 
 def _shares(
@@ -162,11 +163,11 @@ def _leaps(regions: Regions, on_the_way: NDArray[np.float64], surroundings: NDAr
     i, j = regions.touching.T
     difference[i, j] = difference[j, i] = np.inf
     np.fill_diagonal(difference, np.inf)
-    kin = np.argsort(difference, axis=1, kind="stable")[:, :_KIN]
-    alike = np.exp(-np.take_along_axis(difference, kin, 1) / (2 * _KIN_SCALE**2))
-    out = np.zeros_like(difference)
-    np.put_along_axis(out, kin, _LEAP * alike, 1)
-    return out * (1 - np.exp(-((on_the_way / _ONE_COLOR) ** 2)))
+    last = min(_KIN, len(size)) - 1
+    farthest = np.partition(difference, last, axis=1)[:, last, None] + _ROUND_OFF
+    alike = np.exp(-difference / (2 * _KIN_SCALE**2))
+    leaps = np.where(difference <= farthest, _LEAP * alike, 0)  # all of a tie, whichever comes first
+    return leaps * (1 - np.exp(-((on_the_way / _ONE_COLOR) ** 2)))
 
 
 def _greatest_on_the_way(regions: Regions, color: NDArray[np.float64]) -> NDArray[np.float64]:
