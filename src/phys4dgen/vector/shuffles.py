@@ -30,6 +30,11 @@ _I32 = ir.IntType(32)
 # 16 lanes as four groups of four lanes
 
 
+def _groups(*numbers: int) -> list[int]:
+    """Lanes of whole groups, 0 to 3 of a first vector, 4 to 7 of a second."""
+    return [4 * number + lane for number in numbers for lane in range(4)]
+
+
 @intrinsic
 def load_group_repeated(typing_context, array, index):
     """The four floats a b c d at array[index] in every group: abcd abcd abcd abcd."""
@@ -63,16 +68,13 @@ def group_last(typing_context, x):
 def group_sums(typing_context, p, q, r, s):
     """Sum of the first three groups of each argument: [sum of p | sum of q | sum of r | sum of s]."""
 
-    def pair(i: int, j: int) -> list[int]:
-        return [4 * i + lane for lane in range(4)] + [4 * j + lane for lane in range(4)]
-
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         p, q, r, s = args
-        low_pq, low_rs = (shuffled(builder, a, b, pair(0, 4) + pair(1, 5)) for a, b in ((p, q), (r, s)))
-        high_pq, high_rs = (shuffled(builder, a, b, pair(2, 6) + pair(3, 7)) for a, b in ((p, q), (r, s)))
-        first = shuffled(builder, low_pq, low_rs, pair(0, 1) + pair(4, 5))
-        second = shuffled(builder, low_pq, low_rs, pair(2, 3) + pair(6, 7))
-        third = shuffled(builder, high_pq, high_rs, pair(0, 1) + pair(4, 5))
+        low_pq, low_rs = (shuffled(builder, a, b, _groups(0, 1, 4, 5)) for a, b in ((p, q), (r, s)))
+        high_pq, high_rs = (shuffled(builder, a, b, _groups(2, 3, 6, 7)) for a, b in ((p, q), (r, s)))
+        first = shuffled(builder, low_pq, low_rs, _groups(0, 2, 4, 6))
+        second = shuffled(builder, low_pq, low_rs, _groups(1, 3, 5, 7))
+        third = shuffled(builder, high_pq, high_rs, _groups(0, 2, 4, 6))
         return builder.fadd(builder.fadd(first, second, flags=FAST_MATH), third, flags=FAST_MATH)
 
     return float32x16(p, q, r, s), emit
@@ -82,15 +84,31 @@ def group_sums(typing_context, p, q, r, s):
 
 
 def _transpose16(builder: Any, rows: Sequence[Any]) -> list[Any]:
-    """16 x 16 transposition in registers: swap off-diagonal blocks of side 8, 4, 2, 1."""
-    rows = list(rows)
-    for side in (8, 4, 2, 1):
-        for i in range(16):
-            if not i & side:
-                a, b = rows[i], rows[i + side]
-                rows[i] = shuffled(builder, a, b, [k + 16 - side if k & side else k for k in range(16)])
-                rows[i + side] = shuffled(builder, a, b, [k + 16 if k & side else k + side for k in range(16)])
-    return rows
+    """16 x 16 transposition in registers: within groups of four rows and lanes, then of the groups.
+
+    Each step is one instruction that needs no table of lanes in a register, on x86 and elsewhere.
+    """
+
+    def lanes_of_each_group(*lanes: int) -> list[int]:
+        return [4 * group + (lane if lane < 4 else 12 + lane) for group in range(4) for lane in lanes]
+
+    def interleaved(a: Any, b: Any, low: list[int], high: list[int]) -> list[Any]:
+        return [shuffled(builder, a, b, low), shuffled(builder, a, b, high)]
+
+    singles = lanes_of_each_group(0, 4, 1, 5), lanes_of_each_group(2, 6, 3, 7)
+    pairs = lanes_of_each_group(0, 1, 4, 5), lanes_of_each_group(2, 3, 6, 7)
+    halves = _groups(0, 2, 4, 6), _groups(1, 3, 5, 7)
+    columns = []  # [group of rows][lane within its group]: that lane of each group of lanes
+    for first in range(0, 16, 4):
+        a, b, c, d = rows[first : first + 4]
+        (low_ab, high_ab), (low_cd, high_cd) = interleaved(a, b, *singles), interleaved(c, d, *singles)
+        columns.append(interleaved(low_ab, low_cd, *pairs) + interleaved(high_ab, high_cd, *pairs))
+    out: list[Any] = [None] * 16
+    for lane, (a, b, c, d) in enumerate(zip(*columns, strict=True)):
+        (even_ab, odd_ab), (even_cd, odd_cd) = interleaved(a, b, *halves), interleaved(c, d, *halves)
+        out[lane], out[lane + 8] = interleaved(even_ab, even_cd, *halves)
+        out[lane + 4], out[lane + 12] = interleaved(odd_ab, odd_cd, *halves)
+    return out
 
 
 def _row_pointer(context: Any, builder: Any, sig: Any, args: Any) -> Any:
