@@ -13,6 +13,8 @@ __all__ = ["attach", "number_from_the_ground"]
 
 _NEIGHBOURS = 36
 _SMOOTHING_ROUNDS = 2
+_ROWS_AT_ONCE = 1 << 16
+"""Gaussians whose votes are counted together, for the memory."""
 _VOTE_COLOR_SCALE = 8.0
 """Difference of rendered colour at which a neighbour's vote is worth little: a patch ends where its colour does."""
 _TYPICAL_SCALE = 8.0
@@ -46,13 +48,15 @@ def attach(
     part_count = int(part_of_patch.max()) + 1
     tree = KDTree(gaussians.means[core])
     neighbours = tree.query(gaussians.means[core], min(_NEIGHBOURS + 1, len(core)), workers=-1)[1]
-    neighbours = neighbours.reshape(len(core), -1)
+    neighbours = neighbours.reshape(len(core), -1).astype(np.int32)
     shown = color[core]
-    difference = ((shown[neighbours] - shown[:, None]) ** 2).sum(2, dtype=np.float64)
+    difference = np.zeros(neighbours.shape)
+    for channel in shown.T:  # one at a time, for the memory
+        difference += (channel[neighbours] - channel[:, None]) ** 2
     votes = np.exp(-difference / _VOTE_COLOR_SCALE**2)  # the first neighbour is itself
     votes *= _typical(shown, patch[core])[neighbours]
     for _ in range(_SMOOTHING_ROUNDS):
-        label = _majority(label[neighbours], votes, part_count)
+        label = _majority(label, neighbours, votes, part_count)
     out = np.zeros(len(gaussians), np.int64)
     out[core] = label
     rest = np.flatnonzero(~known)
@@ -84,7 +88,14 @@ def _typical(shown: NDArray[np.float32], patch: NDArray[np.int32]) -> NDArray[np
     return np.exp(-((shown - mean[patch]) ** 2).sum(1) / _TYPICAL_SCALE**2)
 
 
-def _majority(labels: NDArray[np.int64], weights: NDArray[np.float64], count: int) -> NDArray[np.int64]:
-    """Label with the largest sum of weights in each row; the lowest wins a tie. Shape [rows]."""
-    cell = np.arange(len(labels))[:, None] * count + labels
-    return np.bincount(cell.ravel(), weights.ravel(), len(labels) * count).reshape(-1, count).argmax(1)
+def _majority(
+    label: NDArray[np.int64], neighbours: NDArray[np.int32], votes: NDArray[np.float64], count: int
+) -> NDArray[np.int64]:
+    """Label with the largest sum of votes among the neighbours of each; the lowest wins a tie. Shape [K]."""
+    out = np.empty_like(label)
+    for start in range(0, len(label), _ROWS_AT_ONCE):
+        rows = slice(start, start + _ROWS_AT_ONCE)
+        size = len(label[rows])
+        cell = np.arange(size)[:, None] * count + label[neighbours[rows]]
+        out[rows] = np.bincount(cell.ravel(), votes[rows].ravel(), size * count).reshape(-1, count).argmax(1)
+    return out
