@@ -311,18 +311,21 @@ class Simulator:
 
     def _rub(self) -> NDArray[np.float64] | None:
         """Let fluids run over what they touch; share of soft matter at each contact, None where all is soft."""
-        particles, numbers = self._particles, self._particles.numbers
-        fields = self._fields.of_particles(particles.ranges)
-        at, dx_m = (self._grid, particles, fields), self.settings.dx_m
         contacts = len(self._grid.contacts[1])
-        if contacts and self._is_fluid.any():
+        wets = contacts > 0 and self._is_fluid.any()
+        rigid = self._rigid if self._solids.count > 0 else None
+        if rigid is None and not wets:
+            return None
+        particles, numbers = self._particles, self._particles.numbers
+        at, dx_m = (self._grid, particles, self._fields.of_particles(particles.ranges)), self.settings.dx_m
+        if wets:
             viscosity_m2s = self._fluid_viscosity_m2s[numbers]
             wet_contacts(*at, is_fluid=self._is_fluid[numbers], viscosity_m2s=viscosity_m2s, dx_m=dx_m)
-        if self._rigid is None or self._solids.count == 0:
+        if rigid is None:
             return None
         if particles.soft_ranges == 0:
             return np.zeros((self._grid.fields, contacts))
-        return mean_at_contacts(*at, (self._rigid.group_of[numbers] < 0).astype(np.float32), dx_m=dx_m)
+        return mean_at_contacts(*at, (rigid.group_of[numbers] < 0).astype(np.float32), dx_m=dx_m)
 
     def _set_speed_ms(self, from_s: float, to_s: float) -> float:
         """The largest speed of what obstacles and drives move between two times."""

@@ -119,15 +119,20 @@ def span_rows(cells, ranges, fields, shift, spans):
     """
     for chunk in range(spans.shape[0]):
         for law in range(ranges.shape[0]):
-            last_x, last_y, last_z = -1, -1, -1
-            for p in range(ranges[law, chunk, 0], ranges[law, chunk, 1]):
-                x, y, z = cells[0, p] - shift[0], cells[1, p] - shift[1], cells[2, p] - shift[2]
-                if x == last_x and y == last_y and z == last_z:
-                    continue
-                last_x, last_y, last_z = x, y, z
-                low, high = (z - 1) & ~3, (z + 5 + 3) & ~3
-                for plane in range(fields[law] + x - 1, fields[law] + x + 4):
-                    for row in range(y - 1, y + 4):
+            p, last = ranges[law, chunk, 0], ranges[law, chunk, 1]
+            while p < last:  # from one column of cells along z to the next: sorted particles stay together in them
+                x, y, lowest = cells[0, p], cells[1, p], cells[2, p]
+                highest = lowest
+                while p < last and cells[0, p] == x and cells[1, p] == y:
+                    if cells[2, p] < lowest:
+                        lowest = cells[2, p]
+                    if cells[2, p] > highest:
+                        highest = cells[2, p]
+                    p += 1
+                low, high = (lowest - shift[2] - 1) & ~3, (highest - shift[2] + 5 + 3) & ~3
+                first_plane, first_row = fields[law] + x - shift[0] - 1, y - shift[1] - 1
+                for plane in range(first_plane, first_plane + 5):
+                    for row in range(first_row, first_row + 5):
                         if spans[chunk, plane, row, 1] == 0 or low < spans[chunk, plane, row, 0]:
                             spans[chunk, plane, row, 0] = low
                         if high > spans[chunk, plane, row, 1]:
