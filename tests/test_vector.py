@@ -24,7 +24,6 @@ from phys4dgen.vector.lanes import (
     like,
     maximum,
     minimum,
-    splat16,
     sqrt,
     to_float,
     to_int,
@@ -38,11 +37,12 @@ from phys4dgen.vector.matrix import (
 from phys4dgen.vector.memory import load16, load_batch, load_columns, prefetch_columns, store, store_columns
 from phys4dgen.vector.shuffles import (
     group_last,
-    group_sums,
     load_group_each,
+    load_group_moments,
     load_group_repeated,
     load_transposed16,
-    load_transposed_batch,
+    place_of_four,
+    store_in_fours,
     store_transposed,
 )
 
@@ -140,23 +140,49 @@ def _groups(x, out):
     store(out, 16, load_group_each(x, 1))
     a = load16(x, 0)
     store(out, 32, group_last(a))
-    store(out, 48, group_sums(a, a + 1, a * 2, splat16(np.float32(1))))
-    store(out, 64, ramp())
+    store(out, 48, ramp())
 
 
 def test_group_shuffles():
     x = np.random.default_rng(1).normal(size=20).astype(np.float32)
-    out = np.full(80, np.inf, np.float32)
+    out = np.full(64, np.inf, np.float32)
     _groups(x, out)
-    rows = out.reshape(5, 16)
+    rows = out.reshape(4, 16)
     np.testing.assert_array_equal(rows[0], np.tile(x[1:5], 4))
     np.testing.assert_array_equal(rows[1], np.repeat(x[1:5], 4))
     np.testing.assert_array_equal(rows[2], np.repeat(x[3:16:4], 4))
-    first_three = x[:12].reshape(3, 4).sum(0)
-    np.testing.assert_allclose(
-        rows[3], np.concatenate([first_three, first_three + 3, 2 * first_three, [3] * 4]), rtol=1e-6
-    )
-    np.testing.assert_array_equal(rows[4], np.arange(16))
+    np.testing.assert_array_equal(rows[3], np.arange(16))
+
+
+@njit
+def _moments(rows, out):
+    for k, column in enumerate(load_group_moments(rows, 16)):
+        store(out, k * N, column)
+
+
+def test_group_moments_are_those_of_the_first_three_groups():
+    rows = np.random.default_rng(4).normal(size=(N + 1, 4, 4)).astype(np.float32)
+    out = np.full((8, N), np.inf, np.float32)
+    _moments(rows.ravel(), out.ravel())
+    np.testing.assert_allclose(out[:4], rows[1:, :3].sum(1).T, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(out[4:], (rows[1:, 2] - rows[1:, 0]).T)
+
+
+@njit
+def _fours(columns, out, places):
+    store_in_fours(out, 8, load_columns(columns, 0, N, 4))
+    for lane in range(N):
+        places[lane] = place_of_four(lane)
+
+
+def test_fours_are_where_they_are_said_to_be():
+    columns = np.random.default_rng(5).normal(size=(4, N)).astype(np.float32)
+    out, places = np.full(4 * N + 16, np.inf, np.float32), np.zeros(N, np.int64)
+    _fours(columns.ravel(), out, places)
+    np.testing.assert_array_equal(np.sort(places), np.arange(0, 4 * N, 4))
+    np.testing.assert_array_equal(out[8 + places[:, None] + np.arange(4)], columns.T)
+    assert np.isinf(out[:8]).all()
+    assert np.isinf(out[8 + 4 * N :]).all()
 
 
 @njit
@@ -184,21 +210,11 @@ def _transpose16(x, columns, rows):
     store_transposed(rows, 0, lanes)
 
 
-@njit
-def _transpose_batch(x, columns, rows):
-    lanes = load_transposed_batch(x, 0)
-    store(columns, 0, lanes[0])
-    store(columns, N, lanes[5])
-    store(columns, 2 * N, lanes[15])
-    store_transposed(rows, 0, lanes)
-
-
-@pytest.mark.parametrize(("count", "transpose"), [(16, _transpose16), (N, _transpose_batch)])
-def test_transposition_and_back(count, transpose):
-    x = np.random.default_rng(2).normal(size=(count, 16)).astype(np.float32)
-    columns = np.full((3, count), np.inf, np.float32)
-    rows = np.full((count, 16), np.inf, np.float32)
-    transpose(x.ravel(), columns.ravel(), rows.ravel())
+def test_transposition_and_back():
+    x = np.random.default_rng(2).normal(size=(16, 16)).astype(np.float32)
+    columns = np.full((3, 16), np.inf, np.float32)
+    rows = np.full((16, 16), np.inf, np.float32)
+    _transpose16(x.ravel(), columns.ravel(), rows.ravel())
     np.testing.assert_array_equal(columns, x.T[[0, 5, 15]])
     np.testing.assert_array_equal(rows, x)
 
@@ -258,39 +274,31 @@ def test_columns_of_lanes():
 
 @njit
 def _determinants(a, out):
-    store(out, 0, determinant(load_transposed_batch(a, 0)[:9]))
+    store(out, 0, determinant(load_columns(a, 0, N, 9)))
 
 
 def test_determinant():
     a = np.random.default_rng(3).normal(size=(N, 3, 3)).astype(np.float32)
-    packed = np.zeros((N, 16), np.float32)
-    packed[:, :9] = a.reshape(N, 9)
     out = np.full(N, np.inf, np.float32)
-    _determinants(packed.ravel(), out)
+    _determinants(a.reshape(N, 9).T.ravel(), out)
     np.testing.assert_allclose(out, np.linalg.det(a.astype(np.float64)), rtol=2e-6, atol=2e-6)
 
 
 @njit
 def _decompose(a, vectors, values, again):
-    a00, a01, a02, _, a11, a12, _, _, a22 = load_transposed_batch(a, 0)[:9]
-    zero = like(a00, np.float32(0))
-    pad = (zero, zero, zero, zero, zero, zero, zero)
+    a00, a01, a02, _, a11, a12, _, _, a22 = load_columns(a, 0, N, 9)
     found, axes = symmetric_eigen((a00, a01, a02, a11, a12, a22))
-    store_transposed(vectors, 0, axes + pad)
-    store_transposed(again, 0, (*symmetric_from_eigen(found, axes), zero, zero, zero, *pad))
-    for k in range(3):
-        store(values, N * k, found[k])
+    store_columns(vectors, 0, N, axes)
+    store_columns(again, 0, N, symmetric_from_eigen(found, axes))
+    store_columns(values, 0, N, found)
 
 
 def decompose(a):
     """Eigenvalues [N, 3], vectors [N, 3, 3] and U diag U^T of N symmetric matrices [N, 3, 3]."""
-    packed = np.zeros((N, 16), np.float32)
-    packed[:, :9] = a.reshape(N, 9)
-    vectors, again = (np.full((N, 16), np.inf, np.float32) for _ in range(2))
-    values = np.full((3, N), np.inf, np.float32)
-    _decompose(packed.ravel(), vectors.ravel(), values.ravel(), again.ravel())
-    again = again[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(N, 3, 3).astype(np.float64)
-    return values.T.astype(np.float64), vectors[:, :9].reshape(N, 3, 3).astype(np.float64), again
+    values, vectors, again = (np.full((count, N), np.inf, np.float32) for count in (3, 9, 6))
+    _decompose(a.reshape(N, 9).T.ravel(), vectors.ravel(), values.ravel(), again.ravel())
+    again = again.T[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(N, 3, 3).astype(np.float64)
+    return values.T.astype(np.float64), vectors.T.reshape(N, 3, 3).astype(np.float64), again
 
 
 def rotated(values, rng):

@@ -1,4 +1,4 @@
-"""Moving numbers between lanes, inside ``numba.njit`` functions: groups of four lanes, and 16 x 16 transpositions."""
+"""Moving numbers between lanes, inside ``numba.njit`` functions: groups of four lanes, and transpositions."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from numba.core import cgutils, types
 
 from phys4dgen.vector.batch import BATCH_LANES
 from phys4dgen.vector.lanes import FAST_MATH, float32_batch, float32x16, shuffled
+from phys4dgen.vector.math import inline
 from phys4dgen.vector.memory import element_pointer, load_vector
 
 __all__ = [
     "group_last",
-    "group_sums",
     "load_group_each",
+    "load_group_moments",
     "load_group_repeated",
     "load_transposed16",
-    "load_transposed_batch",
+    "place_of_four",
+    "store_in_fours",
     "store_transposed",
 ]
 
@@ -64,23 +66,28 @@ def group_last(typing_context, x):
     return float32x16(float32x16), lambda context, builder, sig, args: shuffled(builder, args[0], args[0], order)
 
 
-@intrinsic
-def group_sums(typing_context, p, q, r, s):
-    """Sum of the first three groups of each argument: [sum of p | sum of q | sum of r | sum of s]."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        p, q, r, s = args
-        low_pq, low_rs = (shuffled(builder, a, b, _groups(0, 1, 4, 5)) for a, b in ((p, q), (r, s)))
-        high_pq, high_rs = (shuffled(builder, a, b, _groups(2, 3, 6, 7)) for a, b in ((p, q), (r, s)))
-        first = shuffled(builder, low_pq, low_rs, _groups(0, 2, 4, 6))
-        second = shuffled(builder, low_pq, low_rs, _groups(1, 3, 5, 7))
-        third = shuffled(builder, high_pq, high_rs, _groups(0, 2, 4, 6))
-        return builder.fadd(builder.fadd(first, second, flags=FAST_MATH), third, flags=FAST_MATH)
-
-    return float32x16(p, q, r, s), emit
-
-
 # transposition: rows of 16 floats <-> columns in lanes
+
+
+def _lanes_of_each_group(*lanes: int) -> list[int]:
+    """The same lanes of each group, 0 to 3 of a first vector, 4 to 7 of a second."""
+    return [4 * group + (lane if lane < 4 else 12 + lane) for group in range(4) for lane in lanes]
+
+
+_SINGLES = _lanes_of_each_group(0, 4, 1, 5), _lanes_of_each_group(2, 6, 3, 7)
+_PAIRS = _lanes_of_each_group(0, 1, 4, 5), _lanes_of_each_group(2, 3, 6, 7)
+_HALVES = _groups(0, 2, 4, 6), _groups(1, 3, 5, 7)
+
+
+def _interleaved(builder: Any, a: Any, b: Any, orders: tuple[list[int], list[int]]) -> list[Any]:
+    return [shuffled(builder, a, b, order) for order in orders]
+
+
+def _transpose_groups(builder: Any, a: Any, b: Any, c: Any, d: Any) -> list[Any]:
+    """4 x 4 transpositions within each group: of lane k of each group, the numbers of a, b, c and d."""
+    low_ab, high_ab = _interleaved(builder, a, b, _SINGLES)
+    low_cd, high_cd = _interleaved(builder, c, d, _SINGLES)
+    return _interleaved(builder, low_ab, low_cd, _PAIRS) + _interleaved(builder, high_ab, high_cd, _PAIRS)
 
 
 def _transpose16(builder: Any, rows: Sequence[Any]) -> list[Any]:
@@ -88,26 +95,13 @@ def _transpose16(builder: Any, rows: Sequence[Any]) -> list[Any]:
 
     Each step is one instruction that needs no table of lanes in a register, on x86 and elsewhere.
     """
-
-    def lanes_of_each_group(*lanes: int) -> list[int]:
-        return [4 * group + (lane if lane < 4 else 12 + lane) for group in range(4) for lane in lanes]
-
-    def interleaved(a: Any, b: Any, low: list[int], high: list[int]) -> list[Any]:
-        return [shuffled(builder, a, b, low), shuffled(builder, a, b, high)]
-
-    singles = lanes_of_each_group(0, 4, 1, 5), lanes_of_each_group(2, 6, 3, 7)
-    pairs = lanes_of_each_group(0, 1, 4, 5), lanes_of_each_group(2, 3, 6, 7)
-    halves = _groups(0, 2, 4, 6), _groups(1, 3, 5, 7)
-    columns = []  # [group of rows][lane within its group]: that lane of each group of lanes
-    for first in range(0, 16, 4):
-        a, b, c, d = rows[first : first + 4]
-        (low_ab, high_ab), (low_cd, high_cd) = interleaved(a, b, *singles), interleaved(c, d, *singles)
-        columns.append(interleaved(low_ab, low_cd, *pairs) + interleaved(high_ab, high_cd, *pairs))
+    columns = [_transpose_groups(builder, *rows[first : first + 4]) for first in range(0, 16, 4)]
     out: list[Any] = [None] * 16
     for lane, (a, b, c, d) in enumerate(zip(*columns, strict=True)):
-        (even_ab, odd_ab), (even_cd, odd_cd) = interleaved(a, b, *halves), interleaved(c, d, *halves)
-        out[lane], out[lane + 8] = interleaved(even_ab, even_cd, *halves)
-        out[lane + 4], out[lane + 12] = interleaved(odd_ab, odd_cd, *halves)
+        even_ab, odd_ab = _interleaved(builder, a, b, _HALVES)
+        even_cd, odd_cd = _interleaved(builder, c, d, _HALVES)
+        out[lane], out[lane + 8] = _interleaved(builder, even_ab, even_cd, _HALVES)
+        out[lane + 4], out[lane + 12] = _interleaved(builder, odd_ab, odd_cd, _HALVES)
     return out
 
 
@@ -116,47 +110,94 @@ def _row_pointer(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return builder.bitcast(pointer, float32x16.llvm.as_pointer())
 
 
-def _emit_load_transposed(count: int) -> Any:
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _row_pointer(context, builder, sig, args)
-        blocks = []
-        for start in range(0, count, 16):
-            rows = [builder.load(builder.gep(pointer, [ir.Constant(_I32, start + k)])) for k in range(16)]
-            for row in rows:
-                row.align = 4
-            blocks.append(_transpose16(builder, rows))
-        columns = blocks[0]
-        if count == 32:
-            columns = [shuffled(builder, low, high, range(32)) for low, high in zip(*blocks, strict=True)]
-        return context.make_tuple(builder, sig.return_type, columns)
-
-    return emit
+def _load_rows(builder: Any, pointer: Any, start: int) -> list[Any]:
+    rows = [builder.load(builder.gep(pointer, [ir.Constant(_I32, start + k)])) for k in range(16)]
+    for row in rows:
+        row.align = 4
+    return rows
 
 
 @intrinsic
 def load_transposed16(typing_context, array, index):
     """16 rows of 16 floats from array[index] on -> the 16 columns, each 16 lanes (lane = row)."""
-    return types.UniTuple(float32x16, 16)(array, index), _emit_load_transposed(16)
 
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        rows = _load_rows(builder, _row_pointer(context, builder, sig, args), 0)
+        return context.make_tuple(builder, sig.return_type, _transpose16(builder, rows))
 
-@intrinsic
-def load_transposed_batch(typing_context, array, index):
-    """As many rows of 16 floats as a batch has lanes, from array[index] on -> the 16 columns (lane = row)."""
-    return types.UniTuple(float32_batch, 16)(array, index), _emit_load_transposed(BATCH_LANES)
+    return types.UniTuple(float32x16, 16)(array, index), emit
 
 
 @intrinsic
 def store_transposed(typing_context, array, index, columns):
-    """Write 16 columns of 16 or 32 lanes as that many rows of 16 floats, from array[index] on."""
-    count = columns.dtype.count
+    """Write 16 columns of 16 lanes as 16 rows of 16 floats, from array[index] on."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         pointer = _row_pointer(context, builder, sig, args)
-        lanes = cgutils.unpack_tuple(builder, args[2], 16)
-        for start in range(0, count, 16):
-            rows = _transpose16(builder, [shuffled(builder, x, x, range(start, start + 16)) for x in lanes])
-            for k, row in enumerate(rows):
-                builder.store(row, builder.gep(pointer, [ir.Constant(_I32, start + k)])).align = 4
+        for k, row in enumerate(_transpose16(builder, cgutils.unpack_tuple(builder, args[2], 16))):
+            builder.store(row, builder.gep(pointer, [ir.Constant(_I32, k)])).align = 4
         return context.get_dummy_value()
 
     return types.none(array, index, columns), emit
+
+
+# a batch of particles: groups of lanes <-> columns
+
+
+def _group_moments(builder: Any, rows: Sequence[Any]) -> list[Any]:
+    """Of 16 rows, the columns of their first three groups' sum, then those of the third group less the first."""
+    sums, differences = [], []
+    for k in range(4):
+        a, b, c, d = rows[k::4]  # lane k of each group after the transposition below
+        low_ab, low_cd = (shuffled(builder, x, y, _groups(0, 1, 4, 5)) for x, y in ((a, b), (c, d)))
+        high_ab, high_cd = (shuffled(builder, x, y, _groups(2, 3, 6, 7)) for x, y in ((a, b), (c, d)))
+        first = shuffled(builder, low_ab, low_cd, _groups(0, 2, 4, 6))
+        second = shuffled(builder, low_ab, low_cd, _groups(1, 3, 5, 7))
+        third = shuffled(builder, high_ab, high_cd, _groups(0, 2, 4, 6))
+        sums.append(builder.fadd(builder.fadd(first, third, flags=FAST_MATH), second, flags=FAST_MATH))
+        differences.append(builder.fsub(third, first, flags=FAST_MATH))
+    return _transpose_groups(builder, *sums) + _transpose_groups(builder, *differences)
+
+
+@intrinsic
+def load_group_moments(typing_context, array, index):
+    """Moments of rows of 16 floats, as many as a batch has lanes, from array[index] on, over their first three groups.
+
+    Result, lane = row: four columns of their sum, one for each lane of a group, and four of the third group less the
+    first, the moment about the second. What is not used costs nothing.
+    """
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _row_pointer(context, builder, sig, args)
+        blocks = [_group_moments(builder, _load_rows(builder, pointer, at)) for at in range(0, BATCH_LANES, 16)]
+        columns = blocks[0]
+        if len(blocks) == 2:
+            columns = [shuffled(builder, low, high, range(32)) for low, high in zip(*blocks, strict=True)]
+        return context.make_tuple(builder, sig.return_type, columns)
+
+    return types.UniTuple(float32_batch, 8)(array, index), emit
+
+
+@intrinsic
+def store_in_fours(typing_context, array, index, columns):
+    """Write four columns of a batch as fours of floats, that of a lane at array[index + ``place_of_four(lane)``].
+
+    Half of the shuffles of a transposition, which would put them in order.
+    """
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = _row_pointer(context, builder, sig, args)
+        lanes = cgutils.unpack_tuple(builder, args[2], 4)
+        for start in range(0, BATCH_LANES, 16):
+            rows = _transpose_groups(builder, *(shuffled(builder, x, x, range(start, start + 16)) for x in lanes))
+            for k, row in enumerate(rows):
+                builder.store(row, builder.gep(pointer, [ir.Constant(_I32, start // 4 + k)])).align = 4
+        return context.get_dummy_value()
+
+    return types.none(array, index, columns), emit
+
+
+@inline
+def place_of_four(lane):
+    """Where ``store_in_fours`` puts the four floats of a lane of the batch."""
+    return (lane >> 4 << 6) + ((lane & 3) << 4) + (lane >> 2 & 3) * 4

@@ -2,7 +2,9 @@
 
 MLS-MPM with APIC transfers and quadratic B-splines. Particle mathematics runs on a batch of particles at once, the
 transfers particle by particle on rows of 16 lanes = 4 neighbouring nodes along z times (vx, vy, vz, mass). Particles
-come sorted by cell, so the nine rows around a cell are loaded once and its momentum is accumulated in registers.
+come sorted by cell, so the nine rows around a cell are loaded once and its momentum is accumulated in registers. What
+a row gets or gives is weighted by the product of its weights along x and y, which the batch computes for all at once;
+so most of a transfer is sums, which processors run beside products.
 
 Symbols: fx, fy, fz offset of a particle from its central node in cells; B = sum_i w_i v_i (x_i - x_p)^T / dx;
 C = 4/dx B is the affine velocity matrix, the node's momentum is w_i (m v + A (x_i - x_p)/dx) with
@@ -41,17 +43,19 @@ from phys4dgen.vector.lanes import add_compensated, constant16, floor, like, max
 from phys4dgen.vector.math import inline
 from phys4dgen.vector.memory import load16, load_batch, load_columns, prefetch_columns, store, store_columns
 from phys4dgen.vector.shuffles import (
-    group_sums,
     load_group_each,
+    load_group_moments,
     load_group_repeated,
-    load_transposed_batch,
-    store_transposed,
+    place_of_four,
+    store_in_fours,
 )
 
 __all__ = ["address_of_pass", "call_pass"]
 
 _f = np.float32
 _FETCHED = -(-SUBSTEP_COLUMNS // LANES)  # columns that each lane fetches
+_ALONG_Z = 9 * LANES  # where the weights along z are, after those of the nine rows
+_AROUND_X, _AROUND_Y = 16 * LANES, 32 * LANES  # where moments about a particle are, after what is interpolated
 _z_offset = constant16([-1] * 4 + [0] * 4 + [1] * 4 + [0] * 4)
 
 
@@ -83,17 +87,22 @@ def _axis_weights(x, inverse_dx, shift, low, high):
 
 @inline
 def _prepare_weights(position, grid, bounds, inverse_dx, weights, nodes):
-    """Write each particle's weights (rows of 16: x . y . z .) and its lowest node; returns its offset in cells."""
+    """Write each particle's weights and its lowest node; returns its offset in cells.
+
+    Weights: a column of LANES for each of the nine rows, the product of those along x and y, and from ``_ALONG_Z`` on
+    the fours (three along z, 0).
+    """
     shift_x, shift_y, shift_z, ny, nz = grid
     node_x, fx, wx = _axis_weights(position[0], inverse_dx, shift_x, bounds[0], bounds[1])
     node_y, fy, wy = _axis_weights(position[1], inverse_dx, shift_y, bounds[2], bounds[3])
     node_z, fz, wz = _axis_weights(position[2], inverse_dx, shift_z, bounds[4], bounds[5])
     store(nodes, 0, ((node_x * ny + node_y) * nz + node_z) * 4)
-    o = like(fx, _f(0))
-    wx0, wx1, wx2 = wx
-    wy0, wy1, wy2 = wy
-    wz0, wz1, wz2 = wz
-    store_transposed(weights, 0, (wx0, wx1, wx2, o, wy0, wy1, wy2, o, wz0, wz1, wz2, o, o, o, o, o))
+    x0, x1, x2 = wx
+    y0, y1, y2 = wy
+    z0, z1, z2 = wz
+    of_rows = x0 * y0, x0 * y1, x0 * y2, x1 * y0, x1 * y1, x1 * y2, x2 * y0, x2 * y1, x2 * y2
+    store_columns(weights, 0, LANES, of_rows)
+    store_in_fours(weights, _ALONG_Z, (z0, z1, z2, like(fx, _f(0))))
     return fx, fy, fz
 
 
@@ -106,12 +115,14 @@ def _add_rows(momentum, at, sy, a0, a1, a2):
 
 @inline
 def _gather(velocity, weights, nodes, gathered, sx, sy, particles, stride, coming):
-    """Interpolate velocity and B of every particle of the batch: rows [v . | B_x . | B_y . | B_z .].
+    """Weigh the grid's velocity for every particle of the batch, summed over x and y but not over the nodes along z.
+
+    Three blocks of LANES rows [node below: v . | central node: v . | node above: v . | unused]: velocities that sum to
+    v; from ``_AROUND_X`` on those that sum to B_x, and from ``_AROUND_Y`` on B_y. B_z is the first block's moment.
 
     Meanwhile the columns of the batch at ``coming`` are fetched, few at a time so that they do not wait for each other;
     laws see to their own.
     """
-    kz = _z_offset()
     current = np.int32(-1)
     zero = splat16(_f(0))
     r00 = r01 = r02 = r10 = r11 = r12 = r20 = r21 = r22 = zero
@@ -126,23 +137,22 @@ def _gather(velocity, weights, nodes, gathered, sx, sy, particles, stride, comin
             r10, r11, r12 = load16(velocity, at), load16(velocity, at + sy), load16(velocity, at + 2 * sy)
             at += sx
             r20, r21, r22 = load16(velocity, at), load16(velocity, at + sy), load16(velocity, at + 2 * sy)
-        o = lane * 16
-        y0, y1, y2 = splat16(weights[o + 4]), splat16(weights[o + 5]), splat16(weights[o + 6])
-        t0 = y0 * r00
-        u0 = y2 * r02 - t0
-        t0 = t0 + y1 * r01 + y2 * r02
-        t1 = y0 * r10
-        u1 = y2 * r12 - t1
-        t1 = t1 + y1 * r11 + y2 * r12
-        t2 = y0 * r20
-        u2 = y2 * r22 - t2
-        t2 = t2 + y1 * r21 + y2 * r22
-        x0, x1, x2 = splat16(weights[o]), splat16(weights[o + 1]), splat16(weights[o + 2])
-        wz = load_group_each(weights, o + 8)
-        t0 = x0 * t0
-        t2 = x2 * t2
-        s = (t0 + x1 * t1 + t2) * wz
-        store(gathered, o, group_sums(s, (t2 - t0) * wz, (x0 * u0 + x1 * u1 + x2 * u2) * wz, s * kz))
+        p00 = splat16(weights[lane]) * r00
+        p01 = splat16(weights[lane + LANES]) * r01
+        p02 = splat16(weights[lane + 2 * LANES]) * r02
+        p10 = splat16(weights[lane + 3 * LANES]) * r10
+        p11 = splat16(weights[lane + 4 * LANES]) * r11
+        p12 = splat16(weights[lane + 5 * LANES]) * r12
+        p20 = splat16(weights[lane + 6 * LANES]) * r20
+        p21 = splat16(weights[lane + 7 * LANES]) * r21
+        p22 = splat16(weights[lane + 8 * LANES]) * r22
+        wz = load_group_each(weights, _ALONG_Z + place_of_four(lane))
+        left = p00 + p02 + p01
+        right = p20 + p22 + p21
+        row = 16 * lane
+        store(gathered, row, (left + (p10 + p12 + p11) + right) * wz)
+        store(gathered, row + _AROUND_X, (right - left) * wz)
+        store(gathered, row + _AROUND_Y, (p02 + p12 + p22 - (p00 + p10 + p20)) * wz)
 
 
 @inner_kernel
@@ -166,8 +176,9 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
             (k, beta) in m/s and as a share, [rows, 4]; [0, 4] if none.
     """
     state = begin_flush_to_zero()
-    weights = np.empty(LANES * 16, np.float32)
-    rows = np.empty(LANES * 16, np.float32)
+    weights = np.empty(13 * LANES, np.float32)
+    gathered = np.empty(48 * LANES, np.float32)
+    rows = np.empty(16 * LANES, np.float32)
     nodes = np.empty(LANES, np.int32)
     kick = np.empty(LANES * 4, np.float32)
     ny, nz = grid[3], grid[4]
@@ -186,8 +197,10 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
             c = load_columns(particles, AFFINE * stride + batch, stride, 9)
             law_dt = _f(0)  # the state is that of this moment
         else:
-            _gather(velocity, weights, nodes, rows, sx, sy, particles, stride, batch + AHEAD)
-            v0, v1, v2, _0, b00, b10, b20, _1, b01, b11, b21, _2, b02, b12, b22, _3 = load_transposed_batch(rows, 0)
+            _gather(velocity, weights, nodes, gathered, sx, sy, particles, stride, batch + AHEAD)
+            v0, v1, v2, _0, b02, b12, b22, _1 = load_group_moments(gathered, 0)
+            b00, b10, b20 = load_group_moments(gathered, _AROUND_X)[:3]
+            b01, b11, b21 = load_group_moments(gathered, _AROUND_Y)[:3]
             k = _f(4) * inverse_dx
             c00, c10, c20 = k * (b00 - v0 * fx), k * (b10 - v1 * fx), k * (b20 - v2 * fx)
             c01, c11, c21 = k * (b01 - v0 * fy), k * (b11 - v1 * fy), k * (b21 - v2 * fy)
@@ -229,7 +242,10 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
         p1 = mass * v1 - a_yx * fx - a_yy * fy - a_yz * fz
         p2 = mass * v2 - a_zx * fx - a_zy * fy - a_zz * fz
         o = like(mass, _f(0))
-        store_transposed(rows, 0, (p0, p1, p2, mass, a_xx, a_yx, a_zx, o, a_xy, a_yy, a_zy, o, a_xz, a_yz, a_zz, o))
+        store_in_fours(rows, 0, (p0, p1, p2, mass))
+        store_in_fours(rows, 4 * LANES, (a_xx, a_yx, a_zx, o))
+        store_in_fours(rows, 8 * LANES, (a_xy, a_yy, a_zy, o))
+        store_in_fours(rows, 12 * LANES, (a_xz, a_yz, a_zz, o))
         for lane in range(LANES):
             at = nodes[lane]
             if at != pending:
@@ -239,24 +255,22 @@ def _particle_pass(law, stage, first, last, particles, stride, velocity, momentu
                     _add_rows(momentum, pending + 2 * sx, sy, a20, a21, a22)
                 pending = at
                 a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = zero
-            r = lane * 16
-            wz = load_group_each(weights, r + 8)
-            centre = wz * (load_group_repeated(rows, r) + kz * load_group_repeated(rows, r + 12))
-            along_x = wz * load_group_repeated(rows, r + 4)
-            along_y = wz * load_group_repeated(rows, r + 8)
-            y0, y1, y2 = splat16(weights[r + 4]), splat16(weights[r + 5]), splat16(weights[r + 6])
-            w = splat16(weights[r])
-            s = w * (centre - along_x)
-            d = w * along_y
-            a00, a01, a02 = a00 + y0 * (s - d), a01 + y1 * s, a02 + y2 * (s + d)
-            w = splat16(weights[r + 1])
-            s = w * centre
-            d = w * along_y
-            a10, a11, a12 = a10 + y0 * (s - d), a11 + y1 * s, a12 + y2 * (s + d)
-            w = splat16(weights[r + 2])
-            s = w * (centre + along_x)
-            d = w * along_y
-            a20, a21, a22 = a20 + y0 * (s - d), a21 + y1 * s, a22 + y2 * (s + d)
+            four = place_of_four(lane)
+            wz = load_group_each(weights, _ALONG_Z + four)
+            centre = wz * (load_group_repeated(rows, four) + kz * load_group_repeated(rows, four + 12 * LANES))
+            along_x = wz * load_group_repeated(rows, four + 4 * LANES)
+            along_y = wz * load_group_repeated(rows, four + 8 * LANES)
+            side = centre - along_x
+            a00 = a00 + splat16(weights[lane]) * (side - along_y)
+            a01 = a01 + splat16(weights[lane + LANES]) * side
+            a02 = a02 + splat16(weights[lane + 2 * LANES]) * (side + along_y)
+            a10 = a10 + splat16(weights[lane + 3 * LANES]) * (centre - along_y)
+            a11 = a11 + splat16(weights[lane + 4 * LANES]) * centre
+            a12 = a12 + splat16(weights[lane + 5 * LANES]) * (centre + along_y)
+            side = centre + along_x
+            a20 = a20 + splat16(weights[lane + 6 * LANES]) * (side - along_y)
+            a21 = a21 + splat16(weights[lane + 7 * LANES]) * side
+            a22 = a22 + splat16(weights[lane + 8 * LANES]) * (side + along_y)
     if pending >= 0:
         _add_rows(momentum, pending, sy, a00, a01, a02)
         _add_rows(momentum, pending + sx, sy, a10, a11, a12)
