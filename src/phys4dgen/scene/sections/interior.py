@@ -24,7 +24,7 @@ class Interior(Section):
     """between simulated particles, in grid cells (dx); auto: 0.5"""
     particles: Literal["auto", "gaussians"] = "auto"
     """auto: well spaced, the Gaussians ride on them; gaussians: every Gaussian is one, with the interior cells of the
-    label grid (the paper's; slower and rougher)"""
+    label grid (the paper's; slower)"""
     method: Literal["auto", "ipsd", "winding", "both", "none"] = "auto"
     """auto: exact where the reconstruction knows the inside, else ipsd; ipsd: carve by masks and depths (the paper's);
     winding: fill by the winding number; both: what they agree on; none: nothing inside, a skin of one layer of
