@@ -165,7 +165,7 @@ def laws_table(options: argparse.Namespace, scratch: str) -> bool:
 
 def speedup_line(options: argparse.Namespace) -> bool:
     """Two threads over one; True if too little."""
-    found, _ = rates(SPEEDUP, "FIXED_COROTATED", threads=2, turns=2 * options.rounds)
+    found, _ = rates(SPEEDUP, "FIXED_COROTATED", threads=2, turns=4 * options.rounds)
     if not found:
         return True
     ratio = median_share(found["two"], found["one"])

@@ -377,7 +377,7 @@ def other_processors():
 @pytest.mark.skipif("NUMBA_CPU_NAME" in os.environ, reason="already a run for another processor")
 @pytest.mark.parametrize("processor", other_processors())
 def test_same_results_on_other_processors(processor):
-    selected = "arithmetic or integer or any or group or transposition or columns or log"
+    selected = "arithmetic or integer or any or group or fours or transposition or columns or log"
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__, "-k", selected]
     environment = os.environ | processor
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)

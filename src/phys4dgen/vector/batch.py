@@ -2,8 +2,9 @@
 
 Two vectors of 16 numbers a value hide each other's latency where a processor computes 16 at once, and cost registers
 where it computes 8: Intel's processors with AVX-512 want 32 lanes, all others 16. Measured on two servers (decision
-14): with 16 a Xeon is 15 to 20 % slower, an EPYC that splits vectors of 512 bits (Zen 4) 14 to 22 % faster, and 15 to
-29 % faster when made to use AVX2. The numbers that come out are the same but for a last bit here and there.
+14, with the transfers of that time): with 16 a Xeon is 15 to 20 % slower, an EPYC that splits vectors of 512 bits (Zen
+4) 14 to 22 % faster, and 15 to 29 % faster when made to use AVX2. The numbers that come out are the same but for a last
+bit here and there.
 """
 
 from __future__ import annotations

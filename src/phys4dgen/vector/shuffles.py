@@ -131,6 +131,8 @@ def load_transposed16(typing_context, array, index):
 @intrinsic
 def store_transposed(typing_context, array, index, columns):
     """Write 16 columns of 16 lanes as 16 rows of 16 floats, from array[index] on."""
+    if tuple(columns.types) != (float32x16,) * 16:
+        return None
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         pointer = _row_pointer(context, builder, sig, args)
@@ -184,6 +186,8 @@ def store_in_fours(typing_context, array, index, columns):
 
     Half of the shuffles of a transposition, which would put them in order.
     """
+    if tuple(columns.types) != (float32_batch,) * 4:
+        return None
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         pointer = _row_pointer(context, builder, sig, args)

@@ -3,8 +3,7 @@
 MLS-MPM with APIC transfers and quadratic B-splines. Particle mathematics runs on a batch of particles at once, the
 transfers particle by particle on rows of 16 lanes = 4 neighbouring nodes along z times (vx, vy, vz, mass). Particles
 come sorted by cell, so the nine rows around a cell are loaded once and its momentum is accumulated in registers. What
-a row gets or gives is weighted by the product of its weights along x and y, which the batch computes for all at once;
-so most of a transfer is sums, which processors run beside products.
+a row gets or gives is weighted by the product of its weights along x and y, which the batch computes for all at once.
 
 Symbols: fx, fy, fz offset of a particle from its central node in cells; B = sum_i w_i v_i (x_i - x_p)^T / dx;
 C = 4/dx B is the affine velocity matrix, the node's momentum is w_i (m v + A (x_i - x_p)/dx) with
@@ -55,7 +54,7 @@ __all__ = ["address_of_pass", "call_pass"]
 _f = np.float32
 _FETCHED = -(-SUBSTEP_COLUMNS // LANES)  # columns that each lane fetches
 _ALONG_Z = 9 * LANES  # where the weights along z are, after those of the nine rows
-_AROUND_X, _AROUND_Y = 16 * LANES, 32 * LANES  # where moments about a particle are, after what is interpolated
+_AROUND_X, _AROUND_Y = 16 * LANES, 32 * LANES  # where moments about the central node are, after velocities
 _z_offset = constant16([-1] * 4 + [0] * 4 + [1] * 4 + [0] * 4)
 
 
@@ -118,7 +117,8 @@ def _gather(velocity, weights, nodes, gathered, sx, sy, particles, stride, comin
     """Weigh the grid's velocity for every particle of the batch, summed over x and y but not over the nodes along z.
 
     Three blocks of LANES rows [node below: v . | central node: v . | node above: v . | unused]: velocities that sum to
-    v; from ``_AROUND_X`` on those that sum to B_x, and from ``_AROUND_Y`` on B_y. B_z is the first block's moment.
+    v; from ``_AROUND_X`` and ``_AROUND_Y`` on, what sums to the moments B + v f about the central node along x and y.
+    That along z is the first block's (``load_group_moments``).
 
     Meanwhile the columns of the batch at ``coming`` are fetched, few at a time so that they do not wait for each other;
     laws see to their own.
@@ -147,7 +147,7 @@ def _gather(velocity, weights, nodes, gathered, sx, sy, particles, stride, comin
         p21 = splat16(weights[lane + 7 * LANES]) * r21
         p22 = splat16(weights[lane + 8 * LANES]) * r22
         wz = load_group_each(weights, _ALONG_Z + place_of_four(lane))
-        left = p00 + p02 + p01
+        left = p00 + p02 + p01  # each row's middle one last: it is used once and fuses with its sum
         right = p20 + p22 + p21
         row = 16 * lane
         store(gathered, row, (left + (p10 + p12 + p11) + right) * wz)
