@@ -18,8 +18,9 @@ __all__ = ["strike"]
 
 _SWEEPS = 40  # of sequential impulses over the contact points
 _PUSH_OUT = 0.2  # share of a penetration that is undone per substep
-_NEARLY = 1.01  # points that come so much farther than they go in a substep meet what is there, too: corners of a flat
-# face must not be told apart by rounding, or those that bounce turn it about those that do not
+_NEARLY = 1.01
+"""A point meets a surface up to so many times its way in a substep ahead: corners of a flat face that rounding alone
+tells apart must meet it together, or those that bounce turn the body about the others."""
 
 
 @strict_kernel
