@@ -128,9 +128,8 @@ def _noise(gradients: np.ndarray, means: np.ndarray, own: np.ndarray, near: np.n
     at_itself = np.linalg.pinv(np.concatenate([np.ones((*steps.shape[:2], 1)), steps], 2), rcond=1e-2)[:, 0]
     fitted = np.einsum("nk,nkab->nab", at_itself, gradients[each])
     apart = np.linalg.norm(gradients[own] - fitted, axis=(1, 2))
-    return float(
-        (apart * np.sqrt(2 / (1 - at_itself[:, 0]))).mean()
-    )  # variances 2 of a difference, 1 - h of a residual
+    own_share = at_itself[:, 0]  # of a Gaussian in its own fit; variances: 2 of a difference, 1 - share of a residual
+    return float((apart * np.sqrt(2 / (1 - own_share))).mean())
 
 
 if __name__ == "__main__":
