@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from phys4dgen.interior.ribbons import ribbon_axes
+from phys4dgen.interior.ribbons import measure_width
 from phys4dgen.interior.seed import seed_sheets
 from phys4dgen.interior.sites import Sites
 from phys4dgen.motion import damped_frequency
@@ -28,18 +28,20 @@ def _strip(width, length=40, turn=TILT):
         edge_a=step * turn[:, 0],
         edge_b=step * turn[:, 1],
         is_bridge=np.zeros(s, bool),
+        is_odd=np.add.outer(np.arange(length), np.arange(width)).ravel() % 2 > 0,
     )
 
 
 @pytest.mark.parametrize("width", [1, 2])
 def test_narrow_strips_are_ribbons_and_their_axis_lies_across(width):
-    narrow, across = ribbon_axes(_strip(width))
-    assert narrow.all()
-    np.testing.assert_allclose(np.abs(across @ TILT), np.tile([0, 1, 0], (len(across), 1)), atol=1e-6)
+    found = measure_width(_strip(width))
+    assert found.is_narrow.all()
+    assert not found.is_inner.any()
+    np.testing.assert_allclose(np.abs(found.across @ TILT), np.tile([0, 1, 0], (len(found.across), 1)), atol=1e-6)
 
 
 def test_wide_sheets_are_not_ribbons_but_the_strip_that_grows_out_of_one_is():
-    assert not ribbon_axes(_strip(4))[0].any()
+    assert not measure_width(_strip(4)).is_narrow.any()
     strip, sheet = _strip(1), _strip(12, length=12)
     joined = Sites(
         *(
@@ -51,10 +53,11 @@ def test_wide_sheets_are_not_ribbons_but_the_strip_that_grows_out_of_one_is():
                 ("edge_a", 0),
                 ("edge_b", 0),
                 ("is_bridge", False),
+                ("is_odd", False),
             )
         )
     )
-    narrow, _ = ribbon_axes(joined)
+    narrow = measure_width(joined).is_narrow
     assert not narrow[: len(sheet)].any()
     assert narrow[-30:].all()
 
@@ -66,8 +69,9 @@ def test_strips_that_cross_in_the_air_are_two_ribbons():
         np.concatenate([one.position, other.position + over]),
         *(np.concatenate([getattr(one, n), getattr(other, n)]) for n in ("direction", "extent", "edge_a", "edge_b")),
         is_bridge=np.zeros(80, bool),
+        is_odd=np.concatenate([one.is_odd, other.is_odd]),
     )
-    assert ribbon_axes(joined)[0].all()
+    assert measure_width(joined).is_narrow.all()
 
 
 @pytest.mark.parametrize("width", [1, 2, 4])

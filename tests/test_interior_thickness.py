@@ -31,7 +31,7 @@ def _cloud(means, covariance=None, opacity=0.9):
 def _sites(position, direction):
     s = len(position)
     zero = np.zeros((s, 3))
-    return Sites(position, np.broadcast_to(direction, (s, 3)).copy(), np.ones(s), zero, zero, np.zeros(s, bool))
+    return Sites(position, np.broadcast_to(direction, (s, 3)).copy(), np.ones(s), zero, zero, np.zeros(s, bool), np.zeros(s, bool))
 
 
 # ------------------------------------------------------------------------------------------------ from moments
@@ -86,6 +86,7 @@ def _curved_leaf(thickness, *, faces_only, seed=3):
         np.ones(150),
         np.zeros((150, 3)),
         np.zeros((150, 3)),
+        np.zeros(150, bool),
         np.zeros(150, bool),
     )
     return _cloud((point + w[:, None] * normal) @ TILT.T), sites, site @ TILT.T, site_normal @ TILT.T

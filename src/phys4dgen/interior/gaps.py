@@ -23,7 +23,7 @@ an angle with the sheet whose sine exceeds this."""
 
 
 class Gaps(NamedTuple):
-    """Shares of the free sheets' sites.
+    """Shares of the free sheets' particles.
 
     Attributes:
         close: that have another surface closer than two grid cells.

@@ -67,5 +67,6 @@ def link_groups(
         zero,
         zero,
         np.ones(sum(counts), bool),
+        np.zeros(sum(counts), bool),
     )
     return sites, np.repeat([thick for *_, thick in added], counts)

@@ -9,7 +9,7 @@ MOTION.md (technique 4) says when such a reading may be trusted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,16 +143,10 @@ def measure_sheets(
 
     aligned = np.abs((normal * sites.direction).sum(1)) > 0.7
     good = trusted & aligned
+    normal *= np.where((normal * sites.direction).sum(1) < 0, -1, 1)[:, None]
     direction = np.where(good[:, None], normal, sites.direction)
     shift = np.clip((center * direction).sum(1), -1, 1) * good
-    moved = Sites(
-        sites.position + shift[:, None] * direction,
-        direction,
-        sites.extent,
-        sites.edge_a,
-        sites.edge_b,
-        sites.is_bridge,
-    )
+    moved = replace(sites, position=sites.position + shift[:, None] * direction, direction=direction)
     return moved, thickness, good
 
 
@@ -248,7 +242,7 @@ def measure_rods(sites: Sites, section: NDArray[np.float64], cloud: GaussianClou
     sparse_width = np.sqrt(round_squares)
     round_width = np.where(count >= 12, 2 * middle / (0.707 + 0.293 * shell), sparse_width)
     width = np.where(is_ribbon, np.sqrt(squares[:, 2]), round_width)
-    moved = Sites(position, axis, sites.extent, sites.edge_a, sites.edge_b, sites.is_bridge)
+    moved = replace(sites, position=position)
     return RodReading(moved, np.where(trusted, width, np.nan), directions[:, :, 2], is_ribbon, trusted)
 
 

@@ -1,6 +1,7 @@
-"""Where a sheet is only one or two sites wide: grass, the blades of a palm, the tips of leaves.
+"""How wide a sheet is around each of its sites.
 
-Two layers of such a ribbon make a chain of two or four particles per step along it, always at the same places of the
+Where it is only one or two sites wide (grass, the blades of a palm, the tips of leaves), two layers are not enough. Two
+layers of such a ribbon make a chain of two or four particles per step along it, always at the same places of the
 cross-section. Oblique to the grid, MLS-MPM has modes that a chain like that does not feel: a ribbon of two sites
 swung with a damping ratio of 0.30 where none was asked for and stayed bent; one of one site was limp. The same ribbon
 with four particles per site, in a square and in a diamond by turns, has 0.02 to 0.05 (decision 12).
@@ -8,13 +9,15 @@ with four particles per site, in a square and in a diamond by turns, has 0.02 to
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from phys4dgen.interior.sites import Sites
 
-__all__ = ["ribbon_axes"]
+__all__ = ["SheetWidth", "measure_width"]
 
 _REACH = 3.2
 _FLATNESS = 0.5
@@ -22,17 +25,27 @@ _SAME_SHEET = 0.7
 """A neighbour belongs to the same sheet where it lies beside the site (sine of its rise) and faces the same way."""
 
 _NARROW = 2.5
+_WIDE = 5.0
+"""Where the sheet goes on for at least two sites to every side, the sites in reach look 5 wide or more (of 5.6)."""
 
 
-def ribbon_axes(sites: Sites) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Sites of sheets one or two sites wide, and the unit vector across the ribbon there.
+@dataclass(frozen=True, eq=False)
+class SheetWidth:
+    """What is around each of S sites of sheets.
 
-    Args:
-        sites: of sheets, S of them, one voxel apart.
-
-    Returns:
-        Narrow or not, [S]; the direction across, in the sheet, [S, 3].
+    Attributes:
+        is_narrow: the sheet is a ribbon, one or two sites wide, [S].
+        is_inner: the sheet goes on to every side, [S].
+        across: unit vector in the sheet, across the ribbon, [S, 3].
     """
+
+    is_narrow: NDArray[np.bool_]
+    is_inner: NDArray[np.bool_]
+    across: NDArray[np.float64]
+
+
+def measure_width(sites: Sites) -> SheetWidth:
+    """Width of a sheet around its sites, which are one voxel apart, from how its sites spread there."""
     s = len(sites)
     pairs = KDTree(sites.position).query_pairs(_REACH, output_type="ndarray") if s else np.zeros((0, 2), np.intp)
     apart = sites.position[pairs[:, 1]] - sites.position[pairs[:, 0]]
@@ -55,4 +68,5 @@ def ribbon_axes(sites: Sites) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     width = np.sqrt(12 * np.maximum(variances[:, 1], 0) + 1)
     across = np.cross(sites.direction, axes[:, :, 2])
     length = np.linalg.norm(across, axis=1, keepdims=True)
-    return (width < _NARROW) & (length[:, 0] > 0.5), across / np.maximum(length, 1e-12)
+    is_narrow = (width < _NARROW) & (length[:, 0] > 0.5)
+    return SheetWidth(is_narrow, width > _WIDE, across / np.maximum(length, 1e-12))

@@ -27,11 +27,12 @@ class Sites:
 
     Attributes:
         position: on the mid-surface or centre line, [S, 3].
-        direction: unit normal of the sheet or unit axis of the rod, [S, 3].
+        direction: unit normal of the sheet, to the same side as its neighbours', or unit axis of the rod, [S, 3].
         extent: area of the sheet (voxels squared) or length of the rod (voxels) that the site stands for, [S].
         edge_a: one step of the site's cell along the sheet, [S, 3] (zero for rods).
         edge_b: the other step, [S, 3] (zero for rods).
         is_bridge: the site lies on a bridge over a gap of the capture, [S].
+        is_odd: by turns along the sheet as the colours of a chequerboard, or along the rod, [S].
     """
 
     position: NDArray[np.float64]
@@ -40,6 +41,7 @@ class Sites:
     edge_a: NDArray[np.float64]
     edge_b: NDArray[np.float64]
     is_bridge: NDArray[np.bool_]
+    is_odd: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.position)
@@ -53,6 +55,7 @@ class Sites:
             self.edge_a[keep],
             self.edge_b[keep],
             self.is_bridge[keep],
+            self.is_odd[keep],
         )
 
 
@@ -91,6 +94,7 @@ def sheet_sites(thin: ThinVoxels, bridges: NDArray[np.bool_]) -> Sites:
 
     a = a[first]
     rows = np.arange(runs)
+    direction *= np.where(direction[rows, a] < 0, -1, 1)[:, None]
     n_axis = direction[rows, a]
     edges = []
     for shift in (1, 2):
@@ -102,7 +106,8 @@ def sheet_sites(thin: ThinVoxels, bridges: NDArray[np.bool_]) -> Sites:
     area = np.linalg.norm(np.cross(edges[0], edges[1]), axis=1)
     area = np.minimum(area, 1 / _local_density(position, direction))
     on_bridge = np.bincount(run, bridges[tuple(index[order].T)]) > 0.5 * count
-    return Sites(position, direction, area, edges[0], edges[1], on_bridge)
+    is_odd = columns[first, 1:3].sum(1) % 2 > 0
+    return Sites(position, direction, area, edges[0], edges[1], on_bridge, is_odd)
 
 
 def rod_sites(thin: ThinVoxels, bridges: NDArray[np.bool_]) -> tuple[Sites, NDArray[np.float64]]:
@@ -127,12 +132,13 @@ def rod_sites(thin: ThinVoxels, bridges: NDArray[np.bool_]) -> tuple[Sites, NDAr
     position = np.stack([np.bincount(group, onto[:, k]) for k in range(3)], 1) / size[:, None]
     dyads = np.stack([np.bincount(group, axis_vector[:, i] * axis_vector[:, j]) for i in range(3) for j in range(3)], 1)
     direction = np.linalg.eigh(dyads.reshape(-1, 3, 3))[1][:, :, 2]
-    main = np.zeros(count, int)
+    main, slice_number = np.zeros(count, int), np.zeros(count, int)
     main[group] = axis
+    slice_number[group] = index[np.arange(len(index)), axis]
     length = 1 / np.maximum(np.abs(direction[np.arange(count), main]), 0.5)
     zero = np.zeros((count, 3))
     on_bridge = np.bincount(group, bridges[tuple(index.T)]) > 0.5 * size
-    return Sites(position, direction, length, zero, zero, on_bridge), size / length
+    return Sites(position, direction, length, zero, zero, on_bridge, slice_number % 2 > 0), size / length
 
 
 def ribbon_sites(rods: Sites, width: NDArray[np.float64], across: NDArray[np.float64]) -> Sites:
@@ -141,7 +147,8 @@ def ribbon_sites(rods: Sites, width: NDArray[np.float64], across: NDArray[np.flo
     normal = np.cross(rods.direction, across)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     halves = rods.where(np.ones(len(rods), bool), rods.extent * width / 2)
-    left, right = (replace(halves, position=rods.position + s, direction=normal) for s in (shift, -shift))
+    left = replace(halves, position=rods.position + shift, direction=normal)
+    right = replace(halves, position=rods.position - shift, direction=normal, is_odd=~rods.is_odd)
     return join_sites(left, right)
 
 
@@ -154,6 +161,7 @@ def join_sites(first: Sites, second: Sites) -> Sites:
         np.concatenate([first.edge_a, second.edge_a]),
         np.concatenate([first.edge_b, second.edge_b]),
         np.concatenate([first.is_bridge, second.is_bridge]),
+        np.concatenate([first.is_odd, second.is_odd]),
     )
 
 
@@ -190,4 +198,4 @@ def _local_density(position: NDArray[np.float64], direction: NDArray[np.float64]
 
 def _no_sites() -> Sites:
     zero = np.zeros((0, 3))
-    return Sites(zero, zero, np.zeros(0), zero, zero, np.zeros(0, bool))
+    return Sites(zero, zero, np.zeros(0), zero, zero, np.zeros(0, bool), np.zeros(0, bool))
