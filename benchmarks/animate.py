@@ -55,6 +55,7 @@ def particles_in(gaussians: Gaussians, spacing: float) -> Continuum:
         thickness_m=np.full(p, np.nan),
         thickness_measured=np.zeros(p, bool),
         offset_m=np.zeros((p, 3)),
+        site=np.arange(p),
         spacing_m=spacing,
     )
 

@@ -27,6 +27,7 @@ def continuum_of(positions, *, part=0, piece=0, spacing_m=SPACING):
         thickness_m=np.full(p, np.nan),
         thickness_measured=np.zeros(p, bool),
         offset_m=np.zeros((p, 3)),
+        site=np.arange(p),
         spacing_m=spacing_m,
     )
 

@@ -1,5 +1,7 @@
 """Skinning and deformed covariances: against theory and against the float64 reference."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -117,6 +119,43 @@ def test_a_piece_of_fewer_than_eight_particles_carries_its_gaussians():
     hung = skinned(gaussians_at(particles + 0.02), continuum_of(particles))
     assert ((hung.weights > 0).sum(1) == 3).all()
     np.testing.assert_allclose(hung.weights.sum(1), 1, atol=1e-6)
+
+
+def _stalk(sites=20):
+    """Nine strands around a straight axis along x, one spacing apart; positions, offsets and site numbers."""
+    middle = np.repeat(np.column_stack([np.arange(sites) * SPACING, np.zeros((sites, 2))]), 9, 0)
+    strand = np.stack(np.meshgrid([-0.3, 0, 0.3], [-0.3, 0, 0.3], indexing="ij"), -1).reshape(-1, 2) * SPACING
+    offset = np.tile(np.column_stack([np.zeros(9), strand]), (sites, 1))
+    return middle + offset, offset, np.repeat(np.arange(sites), 9)
+
+
+def test_each_cross_section_of_a_stalk_carries_a_gaussian_with_its_nearest_strand():
+    positions, offset, site = _stalk()
+    continuum = replace(continuum_of(positions), offset_m=offset, site=site)
+    rng = np.random.default_rng(4)
+    means = np.column_stack([rng.uniform(8, 11, 40), rng.uniform(-0.4, 0.4, (40, 2))]) * SPACING
+    hung = skinned(gaussians_at(means), continuum)
+    distance = np.linalg.norm(means[:, None] - positions, axis=2).reshape(40, 20, 9)
+    for mean, carriers, to_strand in zip(means, hung.particles, distance, strict=True):
+        nearest_sites = np.argsort(np.abs(np.arange(20) * SPACING - mean[0]))[:8]
+        assert set(carriers) == {9 * k + to_strand[k].argmin() for k in nearest_sites}
+    found = np.take_along_axis(distance.reshape(40, -1), hung.particles.astype(int), 1)
+    assert (np.diff(found, axis=1) >= 0).all()
+
+
+def test_f_does_not_jump_from_one_cross_section_of_a_stalk_to_the_next():
+    """A twist that grows along the axis: hung on the nine strands of one site, Gaussians would turn in steps."""
+    positions, offset, site = _stalk()
+    continuum = replace(continuum_of(positions), offset_m=offset, site=site)
+    means = np.column_stack([np.linspace(6, 13, 141) * SPACING, np.full(141, 0.35 * SPACING), np.zeros(141)])
+    gaussians = gaussians_at(means)
+    animator = Animator(gaussians, skinned(gaussians, continuum), positions)
+    twist = np.tile(np.eye(3), (len(positions), 1, 1))
+    twist[:, 1, 2] = 0.3 * positions[:, 0]
+    carried = animator.carry(positions, twist)[1][:, 1, 2]
+    step = 0.3 * 7 * SPACING / 140
+    np.testing.assert_allclose(np.diff(carried), step, rtol=0.2)
+    np.testing.assert_allclose(carried, 0.3 * means[:, 0], rtol=0.01)
 
 
 def test_far_gaussians_turn_without_stretching_and_nothing_jumps():

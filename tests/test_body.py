@@ -56,6 +56,7 @@ def continuum():
         thickness_m=np.array([8e-4] * 2 + [3e-3] * 4 + [np.nan, 8e-4]),
         thickness_measured=np.ones(8, bool),
         offset_m=offset,
+        site=np.array([0, 0, 1, 1, 1, 1, 2, 3], np.int32),
         spacing_m=CELL_M / 2,
     )
 
@@ -175,15 +176,38 @@ def test_the_true_rest_comes_back_exactly(continuum):
     assembly = _assemble(continuum, _book(), speed_ms=1.0)
     assert np.abs(assembly.true_offset_m).max() > 1e-3
     identity = np.tile(np.eye(3), (8, 1, 1))
-    rest = assembly.true_positions_m(assembly.body.positions_m, identity)
+    rest, gradients = assembly.true_motion(assembly.body.positions_m, identity)
     np.testing.assert_allclose(rest, FRAME.to_metres(continuum.positions), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(gradients, identity, rtol=0, atol=1e-15)
 
 
 def test_a_turned_body_comes_back_turned(continuum):
     assembly = _assemble(continuum, _book(), speed_ms=1.0)
     turn, shift = Rotation.from_rotvec([0.3, -0.9, 0.4]).as_matrix(), np.array([0.01, 0.02, -0.03])
-    moved = assembly.true_positions_m(assembly.body.positions_m @ turn.T + shift, np.tile(turn, (8, 1, 1)))
+    turns = np.tile(turn, (8, 1, 1))
+    moved, gradients = assembly.true_motion(assembly.body.positions_m @ turn.T + shift, turns)
     np.testing.assert_allclose(moved, FRAME.to_metres(continuum.positions) @ turn.T + shift, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(gradients, turns, rtol=0, atol=1e-14)
+
+
+def test_a_bent_stem_has_the_strain_of_its_true_thickness(continuum):
+    """Stretch grows with the distance from the axis: a stem simulated 3 times as thick shows 3 times too much of it."""
+    assembly = _assemble(continuum, _book(), speed_ms=1.0)
+    middle_m = FRAME.to_metres(continuum.positions) - continuum.offset_m
+    simulated_m, true_m = assembly.body.positions_m - middle_m, continuum.offset_m
+    assert (simulated_m[ROD_P, 0] / true_m[ROD_P, 0]).min() > 2
+    curvature_per_m = 4.0
+
+    def bent(offset_m):
+        """F of a beam along z that bends about y, at one site: u_x = -kappa z^2 / 2, u_z = kappa x z."""
+        gradient = np.tile(np.eye(3), (8, 1, 1))
+        gradient[:, 2, 2] += curvature_per_m * offset_m[:, 0]
+        return gradient
+
+    positions, gradients = assembly.true_motion(assembly.body.positions_m, bent(simulated_m))
+    np.testing.assert_allclose(gradients[ROD_P], bent(true_m)[ROD_P], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(positions[ROD_P], (middle_m + true_m)[ROD_P], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(gradients[SOLID_P], bent(simulated_m)[SOLID_P])
 
 
 # ------------------------------------------------------------------------------------------------ thick and stiff
@@ -234,6 +258,7 @@ def test_a_long_lump_that_would_visibly_swing_stays_stiff(continuum):
         thickness_m=np.full(p, np.nan),
         thickness_measured=np.zeros(p, bool),
         offset_m=np.zeros((p, 3)),
+        site=np.arange(p),
     )
     still = np.zeros(p, bool)
     book = _book(lump=_material(youngs_modulus_pa=5e9))

@@ -33,6 +33,7 @@ def _sheets(*heights_cells, tilt=(0.0, 0.0, 1.0), size=12, curve_cells=0.0):
         thickness_m=np.full(p, 7e-4),
         thickness_measured=np.ones(p, bool),
         offset_m=offset,
+        site=np.repeat(np.arange(p // 2, dtype=np.int32), 2),
         spacing_m=CELL_M / 2,
     )
 

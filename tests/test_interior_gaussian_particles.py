@@ -50,6 +50,7 @@ def seeded() -> Continuum:
         thickness_m=np.full(p, np.nan),
         thickness_measured=np.zeros(p, bool),
         offset_m=np.zeros((p, 3)),
+        site=np.arange(p),
         spacing_m=CELL / 2,
     )
 

@@ -79,6 +79,7 @@ def test_ribbons_have_the_volume_and_the_second_moments_of_their_cross_section(w
     sites = _strip(width)
     seeds = seed_sheets(sites, np.full(len(sites), 0.3), np.ones(len(sites), bool))
     assert len(seeds.volume) == len(sites) * (2 if width == 4 else 4)
+    np.testing.assert_array_equal(seeds.site, np.repeat(np.arange(len(sites)), 2 if width == 4 else 4))
     assert seeds.volume.sum() == pytest.approx(len(sites) * 0.3)
     middle = sites.position.mean(0)
     across, normal = (seeds.middle - middle) @ TILT[:, 1], seeds.offset @ TILT[:, 2]
@@ -88,7 +89,20 @@ def test_ribbons_have_the_volume_and_the_second_moments_of_their_cross_section(w
     assert share @ across**2 == pytest.approx(rows + (0 if width == 4 else 1 / 12))
 
 
-@pytest.mark.parametrize(("width", "largest_ratio"), [(1, 0.18), (2, 0.06)])
+def test_a_wide_sheet_has_both_layers_at_its_rim_and_one_by_turns_inside():
+    sites = _strip(12, length=20)
+    seeds = seed_sheets(sites, np.full(len(sites), 0.3), np.ones(len(sites), bool))
+    per_site = np.bincount(seeds.site).reshape(20, 12)
+    np.testing.assert_array_equal(per_site[2:-2, 2:-2], 1)
+    np.testing.assert_array_equal(np.concatenate([per_site[[0, -1]].ravel(), per_site[:, [0, -1]].ravel()]), 2)
+    assert seeds.volume.sum() == pytest.approx(len(sites) * 0.3)
+    normal = seeds.offset @ TILT[:, 2]
+    assert seeds.volume @ normal**2 / seeds.volume.sum() == pytest.approx(0.3**2 / 12)
+    faces = np.sign(normal[per_site.ravel()[seeds.site] == 1])
+    np.testing.assert_array_equal(faces, np.where(sites.is_odd[per_site.ravel() == 1], 1, -1))
+
+
+@pytest.mark.parametrize(("width", "largest_ratio"), [(1, 0.18), (2, 0.06), (8, 0.04)])
 def test_a_ribbon_oblique_to_the_grid_swings_and_comes_back(width, largest_ratio):
     """Two layers alone: a ribbon of two sites has a damping ratio of 0.30 and stays bent, one of one site is limp."""
     cell_m, thickness, youngs_modulus_pa, density_kgm3 = 5e-3, 2.0, 2e4, 60.0  # as thickened: one cell, two voxels

@@ -31,7 +31,15 @@ def _cloud(means, covariance=None, opacity=0.9):
 def _sites(position, direction):
     s = len(position)
     zero = np.zeros((s, 3))
-    return Sites(position, np.broadcast_to(direction, (s, 3)).copy(), np.ones(s), zero, zero, np.zeros(s, bool), np.zeros(s, bool))
+    return Sites(
+        position,
+        np.broadcast_to(direction, (s, 3)).copy(),
+        np.ones(s),
+        zero,
+        zero,
+        np.zeros(s, bool),
+        np.zeros(s, bool),
+    )
 
 
 # ------------------------------------------------------------------------------------------------ from moments
@@ -273,6 +281,7 @@ def continuum(frame):
         thickness_m=thickness_m,
         thickness_measured=np.repeat([True, False, False, False], 2),
         offset_m=offset,
+        site=np.repeat(np.arange(4, dtype=np.int32), 2),
         spacing_m=2e-3,
     )
 

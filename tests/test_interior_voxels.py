@@ -141,6 +141,17 @@ def test_sites_of_a_sheet_carry_its_area(tilt):
 
 
 @pytest.mark.parametrize("tilt", TILTS)
+def test_sites_of_a_sheet_face_one_way_and_have_the_other_colour_beside_them(tilt):
+    sites = sheet_sites(describe_thin_voxels(_disc(TILTS[tilt])), np.zeros((SIZE,) * 3, bool))
+    assert np.unique(np.sign(sites.direction @ TILTS[tilt])).size == 1
+    column = np.delete(sites.position, np.abs(TILTS[tilt]).argmax(), axis=1)
+    one, other = np.nonzero(np.abs(np.abs(column[:, None] - column).sum(2) - 1) < 1e-9)
+    assert len(one) > 2 * len(sites)  # at 45 degrees columns along two axes meet
+    assert (sites.is_odd[one] != sites.is_odd[other]).all()
+    assert sites.is_odd.mean() == pytest.approx(0.5, abs=0.03)
+
+
+@pytest.mark.parametrize("tilt", TILTS)
 def test_sites_of_a_rod_carry_its_length(tilt):
     axis = TILTS[tilt]
     sites, section = rod_sites(describe_thin_voxels(_rod(axis)), np.zeros((SIZE,) * 3, bool))
@@ -158,6 +169,9 @@ def test_ribbons_keep_area_and_second_moment():
     rods, _ = rod_sites(describe_thin_voxels(_rod(TILTS["flat"])), np.zeros((SIZE,) * 3, bool))
     width, across = np.full(len(rods), 3.0), np.tile([0.0, 1.0, 0], (len(rods), 1))
     sheets = ribbon_sites(rods, width, across)
+    left, right = sheets.is_odd.reshape(2, -1)
+    assert (left != right).all()
+    assert (np.diff(left[np.argsort(rods.position[:, 2])].astype(int)) != 0).all()  # squares and diamonds by turns
     np.testing.assert_allclose(sheets.extent.sum(), 3.0 * rods.extent.sum(), rtol=1e-12)
     np.testing.assert_allclose(np.abs(sheets.direction[:, 0]), 1, atol=1e-2)  # across the blade and its axis
     from_middle = sheets.position[:, 1] - np.tile(rods.position[:, 1], 2)

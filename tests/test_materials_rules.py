@@ -199,6 +199,7 @@ def thin_continuum(parts: Parts, positions, shapes: tuple[int, ...]) -> Continuu
         thickness_m=thickness,
         thickness_measured=shape != SOLID,
         offset_m=np.zeros((n, 3)),
+        site=np.arange(n),
         spacing_m=0.005,
     )
 

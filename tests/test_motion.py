@@ -31,6 +31,7 @@ def _object(**boxes):
         thickness_m=np.full(p, np.nan),
         thickness_measured=np.zeros(p, bool),
         offset_m=np.zeros((p, 3)),
+        site=np.arange(p),
         spacing_m=2e-3,
     )
     return continuum, Parts(part, tuple(boxes), "test"), points

@@ -53,6 +53,7 @@ def plan(random_gaussians):
         thickness_m=np.full(p, np.nan),
         thickness_measured=np.zeros(p, bool),
         offset_m=np.zeros((p, 3)),
+        site=np.arange(p),
         spacing_m=STEP_M,
     )
     gaussians = random_gaussians(10)

@@ -39,6 +39,7 @@ def blocks():
         thickness_m=np.full(p, np.nan),
         thickness_measured=np.zeros(p, bool),
         offset_m=np.zeros((p, 3)),
+        site=np.arange(p),
         spacing_m=SPACING,
     )
     rng = np.random.default_rng(0)

@@ -43,6 +43,7 @@ def as_simulated(imported):
         thickness_m=np.full(count, np.nan),
         thickness_measured=np.zeros(count, bool),
         offset_m=np.zeros((count, 3)),
+        site=np.arange(count),
         spacing_m=0.02,
     )
     parts = Parts(labels=nothing, names=("object",), backend="test")

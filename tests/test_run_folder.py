@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,10 @@ from PIL import Image
 
 from phys4dgen.errors import RunError, SceneError
 from phys4dgen.formats import save_gaussians
+from phys4dgen.interior import Interior
+from phys4dgen.interior.bridge import BridgeReport
 from phys4dgen.progress import SILENT
-from phys4dgen.run.artefacts import write_part_maps, write_views
+from phys4dgen.run.artefacts import read_interior, write_interior, write_part_maps, write_views
 from phys4dgen.run.folder import RunFolder
 from phys4dgen.run.json_text import json_text
 from phys4dgen.run.prediction import predicted_bytes
@@ -269,8 +272,10 @@ def material(density_kgm3):
     return Material("m", "neo_hookean", density_kgm3, 1e5, 0.3, "user")
 
 
-def test_part_masses_are_density_times_true_volume():
-    continuum = Continuum(
+@pytest.fixture
+def continuum():
+    """Two solid particles and one of a sheet."""
+    return Continuum(
         positions=np.zeros((3, 3)),
         part=np.array([0, 0, 1]),
         is_interior=np.array([False, True, False]),
@@ -281,8 +286,25 @@ def test_part_masses_are_density_times_true_volume():
         thickness_m=np.array([np.nan, np.nan, 1e-3]),
         thickness_measured=np.array([False, False, True]),
         offset_m=np.zeros((3, 3)),
+        site=np.array([0, 1, 1]),
         spacing_m=0.01,
     )
+
+
+def test_particles_come_back_and_those_of_an_older_version_are_a_site_each(tmp_path, continuum):
+    interior = Interior(continuum, BridgeReport(1, 1, 1.0, 0), 5, 0.9, 2.5, 0, "carving")
+    run = RunFolder(tmp_path)
+    write_interior(run, interior, settled=replace(continuum, thickness_m=continuum.thickness_m * 2))
+    found = read_interior(run).continuum
+    for field in fields(Continuum):
+        np.testing.assert_array_equal(getattr(found, field.name), getattr(continuum, field.name))
+    with np.load(run.continuum_npz) as file:
+        older = {name: file[name] for name in file.files if name != "site"}
+    np.savez(run.continuum_npz, **older)
+    assert read_interior(run).continuum.site.tolist() == [0, 1, 2]
+
+
+def test_part_masses_are_density_times_true_volume(continuum):
     parts = Parts(labels=np.array([0, 1, 1, 1]), names=("pot", "leaf"), backend="file")
     book = MaterialBook(
         {"pot": PartMaterials(material(2000), material(1000)), "leaf": PartMaterials(material(800), material(800))}

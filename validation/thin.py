@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from phys4dgen.body import ROD_FLOOR_CELLS, SHEET_FLOOR_CELLS
+from phys4dgen.interior.seed import Seeds, seed_rods, seed_sheets
+from phys4dgen.interior.sites import Sites
 from phys4dgen.mpm import Settings, Simulator
 from validation.bodies import body
 from validation.case import Check, Outcome, benchmark
@@ -33,6 +35,7 @@ RHO_KGM3 = 1000.0
 THICKNESSES = (0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
 TILTS_DEG = (0.0, 20.0, 45.0)
 PHASES = tuple(itertools.product((0.0, 0.25), (0.0, 0.5)))
+STRIP_SITES = 10
 FREE_FREE = 4.730041  # first root of cos(k) cosh(k) = 1
 FRAMES_PER_PERIOD = 20
 FRAMES = 52
@@ -46,12 +49,40 @@ def theory_hz(shape: str, *, t_m: float, length_m: float) -> float:
     return slow / math.sqrt(1 + (gyration / length_m) ** 2 * (12.3 + 49.5 * shear))
 
 
-def cross_section(shape: str, t_m: float) -> tuple[NDArray[Any], float]:
-    """Particle places across the axis (y, z) and the volume of each per metre of axis, as interior discovery seeds."""
-    if shape == "rod" and t_m <= 3.01 * DX_M:
-        strand = t_m * math.sqrt(3 / 32) * np.array([-1.0, 0.0, 1.0])
-        places = np.stack(np.meshgrid(strand, strand, indexing="ij"), -1).reshape(-1, 2)
-        return places, math.pi * t_m**2 / 4 / 9
+def particles(shape: str, *, t_m: float, length_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places of the particles along x from 0 to ``length_m``, and their volumes, as interior discovery seeds them."""
+    h = DX_M / 2
+    slices = round(length_m / h)
+    if t_m <= (1.01 if shape == "sheet" else 3.01) * DX_M:
+        seeds = _seeds(shape, t_m / h, slices)
+        return (seeds.middle + seeds.offset) * h, seeds.volume * h**3
+    places, area = _thick_section(shape, t_m)
+    along = (np.arange(slices) + 0.5) * h
+    x = np.concatenate([np.column_stack([np.full(len(places), s), places]) for s in along])
+    return x, np.full(len(x), area * h)
+
+
+def _seeds(shape: str, thickness: float, slices: int) -> Seeds:
+    """The product's particles of a sheet ten sites wide or of a rod, in voxels."""
+    rows = STRIP_SITES if shape == "sheet" else 1
+    along, across = (place.ravel() for place in np.meshgrid(np.arange(slices), np.arange(rows), indexing="ij"))
+    s = len(along)
+    zero = np.zeros((s, 3))
+    sites = Sites(
+        np.column_stack([along + 0.5, across - (rows - 1) / 2, np.zeros(s)]),
+        np.tile([0.0, 0.0, 1.0] if shape == "sheet" else [1.0, 0.0, 0.0], (s, 1)),
+        np.ones(s),
+        zero,
+        zero,
+        is_bridge=np.zeros(s, bool),
+        is_odd=(along + across) % 2 > 0,
+    )
+    seed = seed_sheets if shape == "sheet" else seed_rods
+    return seed(sites, np.full(s, thickness), np.ones(s, bool))
+
+
+def _thick_section(shape: str, t_m: float) -> tuple[NDArray[Any], float]:
+    """Places across the axis (y, z) of what discovery takes for a solid, and the volume of each per metre of axis."""
     h = DX_M / 2
     if shape == "rod":
         count = math.ceil(t_m / h)
@@ -62,7 +93,7 @@ def cross_section(shape: str, t_m: float) -> tuple[NDArray[Any], float]:
         return places, math.pi * t_m**2 / 4 / len(places)
     count = max(2, math.ceil(2 * t_m / DX_M))
     layers = ((np.arange(count) + 0.5) / count - 0.5) * t_m / math.sqrt(1 - 1 / count**2)
-    across = (np.arange(6) - 2.5) * h
+    across = (np.arange(STRIP_SITES) - (STRIP_SITES - 1) / 2) * h
     places = np.stack(np.meshgrid(across, layers, indexing="ij"), -1).reshape(-1, 2)
     return places, h * t_m / count
 
@@ -87,10 +118,8 @@ def ratio(shape: str, *, t_dx: float, floor_cells: float, phase: tuple[float, fl
     t, simulated = t_dx * DX_M, max(t_dx, floor_cells) * DX_M
     power = 1 if shape == "sheet" else 2
     grow = simulated / t
-    places, area = cross_section(shape, simulated)
     length = max(20.0, 14 * max(t_dx, floor_cells)) * DX_M
-    along = np.arange(round(length / (DX_M / 2))) * DX_M / 2 + DX_M / 4
-    x = np.concatenate([np.column_stack([np.full(len(places), s), places]) for s in along])
+    x, volume = particles(shape, t_m=simulated, length_m=length)
     f = theory_hz(shape, t_m=t, length_m=length)
     bend = mode_shape(x[:, 0] / length)
     v = np.zeros_like(x)
@@ -101,14 +130,14 @@ def ratio(shape: str, *, t_dx: float, floor_cells: float, phase: tuple[float, fl
     # A crumb far below, on a node, says where the nodes lie: the grid's origin is the lowest corner of the body.
     x = np.concatenate([x, DX_M * np.floor(x.min(0) / DX_M - 6)[None]])
     v = np.concatenate([v @ turn.T, np.zeros((1, 3))])
-    volume = np.append(np.full(len(x) - 1, area * DX_M / 2), (DX_M / 2) ** 3)
+    volume = np.append(volume, (DX_M / 2) ** 3)
     held = np.arange(len(x)) == len(x) - 1
     beam = body(
         x, volume, E=E_PA / grow ** (power + 2), rho=RHO_KGM3 / grow**power, nu=0.0, held=held, v=v, names=("beam",)
     )
     simulator = Simulator(beam, Settings(DX_M, 1 / (FRAMES_PER_PERIOD * f), cfl=0.6, max_substeps_per_frame=10**6))
     normal = turn @ [0.0, 0.0, 1.0]
-    weight = np.append(bend, 0.0) / (bend**2).sum()
+    weight = np.append(bend * volume[:-1], 0.0) / (bend**2 * volume[:-1]).sum()
     signal = [weight @ ((simulator.advance().positions_m - x) @ normal) for _ in range(FRAMES)]
     return frequency_hz(np.array(signal), 1 / (FRAMES_PER_PERIOD * f)) / f
 
@@ -127,7 +156,8 @@ def bending_scan(*, shape: str, t_dx: float) -> Outcome:
     """A free strip or rod (nu = 0) in four places between the grid's nodes and at tilts of 0, 20 and 45 degrees.
 
     "as the product simulates it": thickened at least to one cell, with its mass and bending stiffness kept; "as it is":
-    without that. Sheets have two layers of particles or more, rods 3 x 3 strands or more.
+    without that. The particles are those of the product: two layers at a sheet's rim and one particle by turns inside,
+    3 x 3 strands in a rod; what is thicker than a cell (three, of a rod) has layers half a cell apart, as a solid has.
     """
     floor = SHEET_FLOOR_CELLS if shape == "sheet" else ROD_FLOOR_CELLS
     places = list(itertools.product(PHASES, TILTS_DEG))

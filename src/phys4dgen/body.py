@@ -19,7 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
+from phys4dgen.interior import cross_section_means
 from phys4dgen.mpm import Body, LawId
 from phys4dgen.types import (
     KNOWN_NUMBERS,
@@ -113,6 +115,7 @@ class Assembly:
         mass_kg: true mass of each particle, [P].
         thickening: parts that are simulated thicker than they are.
         strain_ratio: true strain over simulated strain of each particle where it bends, [P].
+        section_means: weights that average over the cross-section of a thickened part, [P, P].
         yield_strain: strain at which the material yields, infinite where it is not known, [P].
         capped: parts whose thick regions are simulated softer than they are.
     """
@@ -121,15 +124,24 @@ class Assembly:
     true_offset_m: NDArray[np.float64]
     mass_kg: NDArray[np.float64]
     strain_ratio: NDArray[np.float64]
+    section_means: sparse.csr_matrix
     yield_strain: NDArray[np.float64]
     thickening: tuple[PartThickening, ...]
     capped: tuple[CappedPart, ...]
 
-    def true_positions_m(
+    def true_motion(
         self, positions_m: NDArray[np.float64], deformation_gradients: NDArray[np.floating]
-    ) -> NDArray[np.float64]:
-        """Where the particles of the true (not thickened) body are, given the simulated ones, [P, 3]."""
-        return positions_m + np.einsum("pab,pb->pa", deformation_gradients, self.true_offset_m)
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Positions [P, 3] and F [P, 3, 3] of the true (not thickened) body, given those of the simulated one.
+
+        Where a thin part bends, F differs from its mean over the thickness in proportion to the distance from the
+        middle. The simulated particles stand farther from it, so that part of F is theirs, not the true body's.
+        """
+        simulated = np.asarray(deformation_gradients, np.float64)
+        mean = (self.section_means @ simulated.reshape(-1, 9)).reshape(-1, 3, 3)
+        true = mean + self.strain_ratio[:, None, None] * (simulated - mean)
+        between = (simulated + true) / 2  # F is linear across the thickness: its mean on the way is exact
+        return positions_m + np.einsum("pab,pb->pa", between, self.true_offset_m), true
 
 
 def assemble_body(
@@ -218,6 +230,7 @@ def assemble_body(
         true_offset_m=-offset_m,
         mass_kg=continuum.volume_m3 * density,
         strain_ratio=1 / ratio,
+        section_means=cross_section_means(continuum, frame=frame, chosen=ratio > 1),
         yield_strain=yield_strain,
         thickening=thickening,
         capped=capped,

@@ -2,7 +2,8 @@
 
 The simulator moves a well-spaced particle set; the Gaussians ride on it. Each Gaussian hangs on the 8 nearest rest
 particles of its own part and connected piece with weights exp(-0.7 (d/h)^2), h the particle spacing, so that neither
-touching parts nor separate leaves of one part drag each other along.
+touching parts nor separate leaves of one part drag each other along. The nine particles of one cross-section of a stalk
+count as one, the nearest of them: eight of the nine would be one site alone, and F would jump from site to site.
 
 Away from the particles the interpolated deformation gradient is an extrapolation, so it is trusted less and less:
 
@@ -86,7 +87,7 @@ def skin(
     held_parts: Collection[int] = (),
     workers: int = -1,
 ) -> Skin:
-    """Hang every Gaussian on the 8 nearest rest particles of its part and connected piece.
+    """Hang every Gaussian on the 8 nearest rest particles of its part and connected piece, one of each site.
 
     The piece of a Gaussian is that of the nearest particle of its part. A Gaussian whose part has no particle at all
     takes the nearest particles of any part. A Gaussian that is itself a particle follows that one alone.
@@ -118,9 +119,7 @@ def skin(
     piece_of_particle = _piece_numbers(continuum)
     piece_of_gaussian = piece_of_particle[carrier]
     for members, rows in _groups(piece_of_particle, piece_of_gaussian):
-        distances[rows], particles[rows] = _nearest(
-            means[rows], continuum.positions, members, count=NEIGHBOURS, workers=workers
-        )
+        distances[rows], particles[rows] = _nearest_of_sites(means[rows], continuum, frame, members, workers=workers)
 
     nearest = distances[:, 0] / spacing
     for group in _islands(means, labels, distances[:, 0], gaussians.opacities, spacing):
@@ -217,6 +216,27 @@ def _nearest(
         distance = np.pad(distance, ((0, 0), (0, missing)), constant_values=np.inf)
         particle = np.concatenate([particle, np.repeat(particle[:, :1], missing, 1)], 1)
     return distance, particle.astype(np.int32)
+
+
+def _nearest_of_sites(
+    points: NDArray[np.float64], continuum: Continuum, frame: Frame, members: NDArray[np.intp], *, workers: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """The nearest particle of each of the 8 sites whose middles are nearest: as ``_nearest``."""
+    of_site = members[np.argsort(continuum.site[members], kind="stable")]
+    _, first, size = np.unique(continuum.site[of_site], return_index=True, return_counts=True)
+    if size.max() == 1:
+        return _nearest(points, continuum.positions, members, count=NEIGHBOURS, workers=workers)
+    middles = continuum.positions - frame.from_metres(continuum.offset_m)
+    away, sites = _nearest(points, middles[of_site[first]], np.arange(len(first)), count=NEIGHBOURS, workers=workers)
+    particle, distance = np.zeros_like(sites), np.full(sites.shape, np.inf)
+    for k in range(int(size.max())):
+        other = of_site[first[sites] + np.minimum(k, size[sites] - 1)].astype(np.int32)
+        to_other = np.linalg.norm(continuum.positions[other] - points[:, None], axis=2)
+        nearer = to_other < distance
+        particle, distance = np.where(nearer, other, particle), np.where(nearer, to_other, distance)
+    distance[np.isinf(away)] = np.inf
+    order = np.lexsort((particle, distance), axis=1)
+    return np.take_along_axis(distance, order, 1), np.take_along_axis(particle, order, 1)
 
 
 def _weights(distances: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:

@@ -149,6 +149,7 @@ def discover_interior(
         thickness_m=seeds.thickness * side * unit,
         thickness_measured=seeds.measured,
         offset_m=seeds.offset * side * unit,
+        site=seeds.site,
         spacing_m=side * unit,
     )
     if hollow_m:  # the Gaussians show the outer face of a wall alone: its thickness was not to be read there

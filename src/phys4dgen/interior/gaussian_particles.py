@@ -75,6 +75,7 @@ def gaussians_as_particles(
         thickness_m=np.where(is_interior, np.nan, thickness_m),
         thickness_measured=measured & ~is_interior,
         offset_m=np.zeros((p, 3)),
+        site=np.arange(p, dtype=np.int32),
     )
 
 

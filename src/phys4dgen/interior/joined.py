@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -16,12 +16,16 @@ __all__ = ["joined_interiors"]
 
 
 def joined_interiors(interiors: Sequence[Interior]) -> Interior:
-    """Particles one after the other, counts added up, and the worst figure of quality.
+    """Particles one after the other, sites and counts added up, and the worst figure of quality.
 
     Args:
         interiors: in the same coordinates, with part and Gaussian numbers of the whole.
     """
     continua = [interior.continuum for interior in interiors]
+    first_site = np.cumsum([0, *(int(continuum.site.max()) + 1 for continuum in continua[:-1])])
+    continua = [
+        replace(continuum, site=continuum.site + first) for continuum, first in zip(continua, first_site, strict=True)
+    ]
     names = [entry.name for entry in fields(Continuum) if entry.name != "spacing_m"]
     bridges = [interior.bridges for interior in interiors]
     return Interior(

@@ -2,10 +2,11 @@
 
 Two layers at +-t / (2 sqrt 3) of the mid-surface have the second moment t^3 / 12 of the true sheet, so that MPM
 bends it as Euler and Bernoulli say although it is thinner than a grid cell; one layer would not resist bending at
-all. Inside a wide sheet, one particle per site, on one face and the other by turns as on a chequerboard, does the same
-for half the price; its rim has both (decision 12). 3 x 3 strands sqrt(3/32) d apart have the second moment of a round rod, (d/4)^2, and keep it when the rod is
-thickened to three cells; 2 x 2 strands at +-d/4 lose energy once they stand a cell apart (measured: damping ratio 0.12
-at a diameter of 2 cells, against 0.005 for 3 x 3 at 3.2). (PHYSICS.md 1.11.)
+all. Inside a wide sheet one particle per site, on one face and on the other by turns as on a chequerboard, does the
+same for half the price; its rim has both (decision 12). 3 x 3 strands sqrt(3/32) d apart have the second moment of a
+round rod, (d/4)^2, and keep it when the rod is thickened to three cells; 2 x 2 strands at +-d/4 lose energy once they
+stand a cell apart (measured: damping ratio 0.12 at a diameter of 2 cells, against 0.005 for 3 x 3 at 3.2).
+(PHYSICS.md 1.11.)
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ class Seeds:
         shape: SOLID, SHEET or ROD, [P], int8.
         thickness: sheet thickness or rod diameter, NaN in solids, [P].
         measured: the thickness was read from the Gaussians, [P].
+        site: number of the site that the particle belongs to; solids are a site each, [P].
     """
 
     middle: NDArray[np.float64]
@@ -42,6 +44,7 @@ class Seeds:
     shape: NDArray[np.int8]
     thickness: NDArray[np.float64]
     measured: NDArray[np.bool_]
+    site: NDArray[np.int32]
 
 
 def seed_solid(index: NDArray[np.int64], share: NDArray[np.float64]) -> Seeds:
@@ -54,6 +57,7 @@ def seed_solid(index: NDArray[np.int64], share: NDArray[np.float64]) -> Seeds:
         np.full(p, SOLID, np.int8),
         np.full(p, np.nan),
         np.zeros(p, bool),
+        np.arange(p, dtype=np.int32),
     )
 
 
@@ -81,6 +85,7 @@ def seed_sheets(sites: Sites, thickness: NDArray[np.float64], measured: NDArray[
         np.full(p, SHEET, np.int8),
         thickness[site],
         measured[site],
+        site.astype(np.int32),
     )
 
 
@@ -102,11 +107,13 @@ def seed_rods(sites: Sites, diameter: NDArray[np.float64], measured: NDArray[np.
         np.full(9 * s, ROD, np.int8),
         np.repeat(diameter, 9),
         np.repeat(measured, 9),
+        np.repeat(np.arange(s, dtype=np.int32), 9),
     )
 
 
 def join_seeds(groups: list[Seeds]) -> Seeds:
-    """All particles in one list."""
+    """All particles in one list; no two groups share a site."""
+    first = np.cumsum([0, *(g.site.max(initial=-1) + 1 for g in groups[:-1])])
     return Seeds(
         np.concatenate([g.middle for g in groups]),
         np.concatenate([g.offset for g in groups]),
@@ -114,4 +121,5 @@ def join_seeds(groups: list[Seeds]) -> Seeds:
         np.concatenate([g.shape for g in groups]),
         np.concatenate([g.thickness for g in groups]),
         np.concatenate([g.measured for g in groups]),
+        np.concatenate([g.site + offset for g, offset in zip(groups, first, strict=True)]).astype(np.int32),
     )

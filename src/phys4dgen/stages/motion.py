@@ -77,9 +77,8 @@ def move(
                 yield asset.gaussians.means, _identities(len(asset.gaussians))
             else:
                 deformation = since_start(state.deformation_gradients, assembly.body)
-                positions_m = assembly.true_positions_m(state.positions_m, deformation)
-                gradients = asset.frame.tensor_to_input_axes(deformation)
-                yield animator.carry(asset.frame.from_metres(positions_m), gradients)
+                positions_m, gradients = assembly.true_motion(state.positions_m, deformation)
+                yield animator.carry(asset.frame.from_metres(positions_m), asset.frame.tensor_to_input_axes(gradients))
             progress.update(k + 1, scene.frame_count, "frames simulated")
 
     return Motion(times_s, frames, facts, simulation)

@@ -30,6 +30,8 @@ class Continuum:
         thickness_m: true thickness of the sheet or diameter of the rod at the particle, NaN in solids, shape [P].
         thickness_measured: the thickness was read from the Gaussians (else it is a placeholder), shape [P], bool.
         offset_m: from the mid-surface or centre line to the particle, metres, z up axes, 0 in solids, shape [P, 3].
+        site: number of the place along the sheet or rod; the particles of one cross-section share theirs, shape [P],
+            int32.
         spacing_m: distance between neighbouring particles that the seeding aimed at, metres.
     """
 
@@ -43,6 +45,7 @@ class Continuum:
     thickness_m: NDArray[np.float64]
     thickness_measured: NDArray[np.bool_]
     offset_m: NDArray[np.float64]
+    site: NDArray[np.int32]
     spacing_m: float
 
     def __post_init__(self) -> None:
@@ -61,6 +64,7 @@ class Continuum:
             "thickness_m": checked_array(self.thickness_m, "thickness_m", (p,), np.float64, finite=False),
             "thickness_measured": checked_array(self.thickness_measured, "thickness_measured", (p,), np.bool_),
             "offset_m": checked_array(self.offset_m, "offset_m", (p, 3), np.float64),
+            "site": checked_array(self.site, "site", (p,), np.int32),
         }
         if not (checked["volume_m3"] > 0).all():
             raise ValueError("volume_m3: expected positive volumes.")
