@@ -229,11 +229,14 @@ def _nearest_of_sites(
     middles = continuum.positions - frame.from_metres(continuum.offset_m)
     away, sites = _nearest(points, middles[of_site[first]], np.arange(len(first)), count=NEIGHBOURS, workers=workers)
     particle, distance = np.zeros_like(sites), np.full(sites.shape, np.inf)
-    for k in range(int(size.max())):
-        other = of_site[first[sites] + np.minimum(k, size[sites] - 1)].astype(np.int32)
-        to_other = np.linalg.norm(continuum.positions[other] - points[:, None], axis=2)
-        nearer = to_other < distance
-        particle, distance = np.where(nearer, other, particle), np.where(nearer, to_other, distance)
+    for column in range(NEIGHBOURS):
+        site = sites[:, column]
+        for k in range(int(size[site].max())):
+            rows = np.flatnonzero(size[site] > k)
+            other = of_site[first[site[rows]] + k]
+            to_other = np.linalg.norm(continuum.positions[other] - points[rows], axis=1)
+            nearer = to_other < distance[rows, column]
+            particle[rows[nearer], column], distance[rows[nearer], column] = other[nearer], to_other[nearer]
     distance[np.isinf(away)] = np.inf
     order = np.lexsort((particle, distance), axis=1)
     return np.take_along_axis(distance, order, 1), np.take_along_axis(particle, order, 1)
