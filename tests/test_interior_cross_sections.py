@@ -104,8 +104,32 @@ def test_a_particle_whose_other_side_is_missing_keeps_its_own(continuum):
 
 def test_sheets_of_two_pieces_do_not_mix(continuum):
     faces = np.sign(continuum.offset_m @ TILT[:, 2])
-    single = (np.bincount(continuum.site)[continuum.site] == 1) & (continuum.shape == SHEET)
     torn = replace(continuum, piece=(faces > 0).astype(np.int32))
     values = np.where(faces > 0, 5.0, -5.0)
-    np.testing.assert_array_equal(_means(torn, values)[single], values[single])
-    np.testing.assert_allclose(_means(continuum, values)[single], 0, atol=1e-12)
+    sheet = continuum.shape == SHEET
+    np.testing.assert_array_equal(_means(torn, values)[sheet], values[sheet])
+    np.testing.assert_allclose(_means(continuum, values)[sheet], 0, atol=1e-12)
+
+
+def test_a_leaf_right_above_another_is_not_its_other_face():
+    lower = _sheet_sites(20, 12)
+    upper = replace(lower, position=lower.position + 0.9 * TILT[:, 2], is_odd=~lower.is_odd)
+    thick, known = np.full(len(lower), 0.4), np.ones(len(lower), bool)
+    leaves = _continuum(join_seeds([seed_sheets(lower, thick, known), seed_sheets(upper, thick, known)]))
+    values = (leaves.site < len(lower)).astype(float)
+    np.testing.assert_array_equal(_means(leaves, values), values)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_all_nine_strands_have_one_mean_whatever_the_axis(seed):
+    """The middle strand's own offset is zero, and that of all nine is zero but for rounding."""
+    rng = np.random.default_rng(seed)
+    axis = rng.normal(size=3)
+    axes = np.tile(axis / np.linalg.norm(axis), (5, 1))
+    zero = np.zeros((5, 3))
+    none = np.zeros(5, bool)
+    rod = Sites(axes * np.arange(5)[:, None], axes, np.ones(5), zero, zero, none, none)
+    stalk = _continuum(seed_rods(rod, rng.uniform(0.3, 3, 5), ~none))
+    values = rng.normal(size=45)
+    expected = np.repeat(values.reshape(5, 9).mean(1), 9)
+    np.testing.assert_allclose(_means(stalk, values), expected, rtol=0, atol=1e-12)

@@ -102,6 +102,44 @@ def test_a_wide_sheet_has_both_layers_at_its_rim_and_one_by_turns_inside():
     np.testing.assert_array_equal(faces, np.where(sites.is_odd[per_site.ravel() == 1], 1, -1))
 
 
+def _disc_of_columns(normal, radius=12.0):
+    """Sites of a round sheet, one per voxel column as ``sheet_sites`` makes them, and how far they are out."""
+    normal = np.array(normal) / np.linalg.norm(normal)
+    axis = np.abs(normal).argmax()
+    others = [(axis + 1) % 3, (axis + 2) % 3]
+    columns = np.stack(np.meshgrid(np.arange(-30, 31), np.arange(-30, 31), indexing="ij"), -1).reshape(-1, 2)
+    edges = np.zeros((2, 3))
+    edges[[0, 1], others] = 1
+    edges[:, axis] = -normal[others] / normal[axis]
+    position = columns @ edges
+    away = np.linalg.norm(position, axis=1)
+    s = int((away < radius).sum())
+    return Sites(
+        position[away < radius],
+        np.tile(normal, (s, 1)),
+        np.full(s, 1 / np.abs(normal[axis])),
+        np.tile(edges[0], (s, 1)),
+        np.tile(edges[1], (s, 1)),
+        np.zeros(s, bool),
+        columns[away < radius].sum(1) % 2 > 0,
+    ), away[away < radius]
+
+
+@pytest.mark.parametrize("normal", [(0, 0, 1), (0.3, 0.5, 0.8), (1, 0, 0.85), (-0.4, 1, 0.4), (0.7, 0.2, -1)])
+def test_a_sheet_is_inner_where_it_goes_on_whatever_its_normal(normal):
+    sites, away = _disc_of_columns(normal)
+    inner = measure_width(sites).is_inner
+    assert inner[away < 7].all()
+    assert not inner[away > 10.8].any()
+
+
+@pytest.mark.parametrize("normal", [(1, 1, 1), (-1, 0.8, 0.9)])
+def test_where_columns_make_a_triangular_lattice_both_faces_stay(normal):
+    """There by turns is by rows: such a strip swings at .77 of its frequency, with a damping ratio of .085."""
+    sites, _ = _disc_of_columns(normal)
+    assert not measure_width(sites).is_inner.any()
+
+
 @pytest.mark.parametrize(("width", "largest_ratio"), [(1, 0.18), (2, 0.06), (8, 0.04)])
 def test_a_ribbon_oblique_to_the_grid_swings_and_comes_back(width, largest_ratio):
     """Two layers alone: a ribbon of two sites has a damping ratio of 0.30 and stays bent, one of one site is limp."""

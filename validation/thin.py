@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from phys4dgen.body import ROD_FLOOR_CELLS, SHEET_FLOOR_CELLS
+from phys4dgen.body import ROD_FLOOR_CELLS, ROD_LIMIT_CELLS, SHEET_FLOOR_CELLS, SHEET_LIMIT_CELLS
 from phys4dgen.interior.seed import Seeds, seed_rods, seed_sheets
 from phys4dgen.interior.sites import Sites
 from phys4dgen.mpm import Settings, Simulator
@@ -49,11 +49,11 @@ def theory_hz(shape: str, *, t_m: float, length_m: float) -> float:
     return slow / math.sqrt(1 + (gyration / length_m) ** 2 * (12.3 + 49.5 * shear))
 
 
-def particles(shape: str, *, t_m: float, length_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def beam_particles(shape: str, *, t_m: float, length_m: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Places of the particles along x from 0 to ``length_m``, and their volumes, as interior discovery seeds them."""
     h = DX_M / 2
     slices = round(length_m / h)
-    if t_m <= (1.01 if shape == "sheet" else 3.01) * DX_M:
+    if t_m <= 1.001 * (SHEET_LIMIT_CELLS if shape == "sheet" else ROD_LIMIT_CELLS) * DX_M:
         seeds = _seeds(shape, t_m / h, slices)
         return (seeds.middle + seeds.offset) * h, seeds.volume * h**3
     places, area = _thick_section(shape, t_m)
@@ -119,7 +119,7 @@ def ratio(shape: str, *, t_dx: float, floor_cells: float, phase: tuple[float, fl
     power = 1 if shape == "sheet" else 2
     grow = simulated / t
     length = max(20.0, 14 * max(t_dx, floor_cells)) * DX_M
-    x, volume = particles(shape, t_m=simulated, length_m=length)
+    x, volume = beam_particles(shape, t_m=simulated, length_m=length)
     f = theory_hz(shape, t_m=t, length_m=length)
     bend = mode_shape(x[:, 0] / length)
     v = np.zeros_like(x)

@@ -36,7 +36,16 @@ from phys4dgen.types import (
     complete_numbers,
 )
 
-__all__ = ["Assembly", "CappedPart", "PartThickening", "assemble_body"]
+__all__ = [
+    "ROD_FLOOR_CELLS",
+    "ROD_LIMIT_CELLS",
+    "SHEET_FLOOR_CELLS",
+    "SHEET_LIMIT_CELLS",
+    "Assembly",
+    "CappedPart",
+    "PartThickening",
+    "assemble_body",
+]
 
 SHEET_FLOOR_CELLS = 1.0
 ROD_FLOOR_CELLS = 1.0
@@ -46,10 +55,10 @@ _LARGEST_STRETCH = 0.05
 _LARGEST_ACCELERATION_MS2 = 30.0
 """A floor holds as long as this acceleration along the object's whole length stretches the part by no more."""
 
-_SHEET_LIMIT_CELLS = 1.0
+SHEET_LIMIT_CELLS = 1.0
 """Sheets are never thickened past one grid cell: their layers would part (0.58 of the thickness between them)."""
 
-_ROD_LIMIT_CELLS = 3.0
+ROD_LIMIT_CELLS = 3.0
 """Rods: their 3 x 3 strands then stand 0.92 cells apart."""
 
 _LARGEST_CAPPED_STRAIN = 0.01
@@ -115,7 +124,8 @@ class Assembly:
         mass_kg: true mass of each particle, [P].
         thickening: parts that are simulated thicker than they are.
         strain_ratio: true strain over simulated strain of each particle where it bends, [P].
-        section_means: weights that average over the cross-section of a thickened part, [P, P].
+        section_means: weights that give particles of thickened parts the mean over their cross-section, others their
+            own, [P, P].
         yield_strain: strain at which the material yields, infinite where it is not known, [P].
         capped: parts whose thick regions are simulated softer than they are.
     """
@@ -140,7 +150,8 @@ class Assembly:
         simulated = np.asarray(deformation_gradients, np.float64)
         mean = (self.section_means @ simulated.reshape(-1, 9)).reshape(-1, 3, 3)
         true = mean + self.strain_ratio[:, None, None] * (simulated - mean)
-        between = (simulated + true) / 2  # F is linear across the thickness: its mean on the way is exact
+        # The way from the simulated to the true place is the integral of F, which is linear there.
+        between = (simulated + true) / 2
         return positions_m + np.einsum("pab,pb->pa", between, self.true_offset_m), true
 
 
@@ -263,7 +274,7 @@ def _thickening(
     for_bending = np.minimum(
         cells * np.where(rod, ROD_FLOOR_CELLS, SHEET_FLOOR_CELLS), np.sqrt(_LARGEST_STRETCH / stretch)
     )
-    limit = cells * np.where(rod, _ROD_LIMIT_CELLS, _SHEET_LIMIT_CELLS)
+    limit = cells * np.where(rod, ROD_LIMIT_CELLS, SHEET_LIMIT_CELLS)
     return np.maximum(np.minimum(np.maximum(for_speed, for_bending), limit), 1.0)
 
 

@@ -2,8 +2,8 @@
 
 The simulator moves a well-spaced particle set; the Gaussians ride on it. Each Gaussian hangs on the 8 nearest rest
 particles of its own part and connected piece with weights exp(-0.7 (d/h)^2), h the particle spacing, so that neither
-touching parts nor separate leaves of one part drag each other along. The nine particles of one cross-section of a stalk
-count as one, the nearest of them: eight of the nine would be one site alone, and F would jump from site to site.
+touching parts nor separate leaves of one part drag each other along. Of the particles of one site (the nine of a
+stalk's cross-section) only the nearest counts: the eight would be one site's, and F would jump from site to site.
 
 Away from the particles the interpolated deformation gradient is an extrapolation, so it is trusted less and less:
 
@@ -50,6 +50,7 @@ FOREIGN_REACH = 1.0
 VISIBLE, ISLAND_LINK = 0.1, 4.0
 """Opacity above which Gaussians form an island, and the distance in spacings within which they belong to one."""
 
+_BLOCK = 1 << 16  # Gaussians whose neighbours are sought at a time
 _TIE_MARGIN = 4  # neighbours asked for beyond the eight, so that equal distances are settled by particle number
 
 
@@ -119,7 +120,9 @@ def skin(
     piece_of_particle = _piece_numbers(continuum)
     piece_of_gaussian = piece_of_particle[carrier]
     for members, rows in _groups(piece_of_particle, piece_of_gaussian):
-        distances[rows], particles[rows] = _nearest_of_sites(means[rows], continuum, frame, members, workers=workers)
+        distances[rows], particles[rows] = _nearest_of_sites(
+            means[rows], continuum.positions, members, continuum.site, workers=workers
+        )
 
     nearest = distances[:, 0] / spacing
     for group in _islands(means, labels, distances[:, 0], gaussians.opacities, spacing):
@@ -219,27 +222,43 @@ def _nearest(
 
 
 def _nearest_of_sites(
-    points: NDArray[np.float64], continuum: Continuum, frame: Frame, members: NDArray[np.intp], *, workers: int
+    points: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    members: NDArray[np.intp],
+    site: NDArray[np.int32],
+    *,
+    workers: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """The nearest particle of each of the 8 sites whose middles are nearest: as ``_nearest``."""
-    of_site = members[np.argsort(continuum.site[members], kind="stable")]
-    _, first, size = np.unique(continuum.site[of_site], return_index=True, return_counts=True)
-    if size.max() == 1:
-        return _nearest(points, continuum.positions, members, count=NEIGHBOURS, workers=workers)
-    middles = continuum.positions - frame.from_metres(continuum.offset_m)
-    away, sites = _nearest(points, middles[of_site[first]], np.arange(len(first)), count=NEIGHBOURS, workers=workers)
-    particle, distance = np.zeros_like(sites), np.full(sites.shape, np.inf)
-    for column in range(NEIGHBOURS):
-        site = sites[:, column]
-        for k in range(int(size[site].max())):
-            rows = np.flatnonzero(size[site] > k)
-            other = of_site[first[site[rows]] + k]
-            to_other = np.linalg.norm(continuum.positions[other] - points[rows], axis=1)
-            nearer = to_other < distance[rows, column]
-            particle[rows[nearer], column], distance[rows[nearer], column] = other[nearer], to_other[nearer]
-    distance[np.isinf(away)] = np.inf
-    order = np.lexsort((particle, distance), axis=1)
-    return np.take_along_axis(distance, order, 1), np.take_along_axis(particle, order, 1)
+    """As ``_nearest`` the 8 nearest of the particles ``members``, each of another site, [P]: the nearest one of it."""
+    most = int(np.unique(site[members], return_counts=True)[1].max())
+    if most == 1:
+        return _nearest(points, positions, members, count=NEIGHBOURS, workers=workers)
+    distances, particles = np.full((len(points), NEIGHBOURS), np.inf), np.zeros((len(points), NEIGHBOURS), np.int32)
+    for start in range(0, len(points), _BLOCK):
+        rows, asked = np.arange(start, min(start + _BLOCK, len(points))), 2 * NEIGHBOURS
+        while len(rows):  # few Gaussians need more: those of stalks
+            found, near = _nearest(points[rows], positions, members, count=asked, workers=workers)
+            is_first = _is_first(site[near]) & np.isfinite(found)
+            is_last_try = asked >= min(NEIGHBOURS * most, len(members))
+            done = np.flatnonzero((is_first.sum(1) >= NEIGHBOURS) | is_last_try)
+            chosen = np.argsort(~is_first[done], axis=1, kind="stable")[:, :NEIGHBOURS]
+            present = np.take_along_axis(is_first[done], chosen, 1)
+            nearest = np.where(present, np.take_along_axis(near[done], chosen, 1), near[done, :1])
+            particles[rows[done]] = nearest
+            distances[rows[done]] = np.where(present, np.take_along_axis(found[done], chosen, 1), np.inf)
+            rows, asked = np.delete(rows, done), 3 * asked
+    return distances, particles
+
+
+def _is_first(values: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Where a row [n, k] has a value for the first time."""
+    order = np.argsort(values, axis=1, kind="stable")
+    ranked = np.take_along_axis(values, order, 1)
+    new = np.ones(values.shape, bool)
+    new[:, 1:] = ranked[:, 1:] != ranked[:, :-1]
+    first = np.zeros(values.shape, bool)
+    np.put_along_axis(first, order, new, 1)
+    return first
 
 
 def _weights(distances: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ an angle with the sheet whose sine exceeds this."""
 
 
 class Gaps(NamedTuple):
-    """Shares of the free sheets' particles.
+    """Shares of the free sheets' sites.
 
     Attributes:
         close: that have another surface closer than two grid cells.
@@ -61,4 +61,5 @@ def narrow_gaps(
     over = pairs[(length > 0.5 * cell_m) & (rise > _STEEPNESS * length)]
     glued = over[np.equal(*body_id[chosen][over].T)]
     of_two = glued[np.not_equal(*continuum.part[chosen][glued].T)]
-    return Gaps(*(len(np.unique(some)) / len(chosen) for some in (over, glued, of_two)))
+    site = continuum.site[chosen]
+    return Gaps(*(len(np.unique(site[some])) / len(np.unique(site)) for some in (over, glued, of_two)))

@@ -1,4 +1,4 @@
-"""From solid voxels to particles: thick bodies on the lattice, sheets in layers, rods in strands, nothing loose."""
+"""From solid voxels to particles: thick bodies on the lattice, sheets on two faces, rods in strands, nothing loose."""
 
 from __future__ import annotations
 

@@ -9,6 +9,7 @@ with four particles per site, in a square and in a diamond by turns, has 0.02 to
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +26,14 @@ _SAME_SHEET = 0.7
 """A neighbour belongs to the same sheet where it lies beside the site (sine of its rise) and faces the same way."""
 
 _NARROW = 2.5
-_WIDE = 5.0
-"""Where the sheet goes on for at least two sites to every side, the sites in reach look 5 wide or more (of 5.6)."""
+_FIRST_RING = 1.6
+_LARGEST_ANGLE = math.radians(75)
+"""Seen from a site, its neighbours beyond the first ones leave no wider angle open where the sheet goes on for two or
+more sites to every side: two sites from a straight edge 60 degrees at most, one site from it 100 and more."""
+
+_LARGEST_CELL = 1.35
+"""Of a site's cell on the sheet, voxels squared. The columns of more oblique sheets stand in a triangular lattice, on
+which two colours cannot alternate: with one particle per site, such a sheet is too soft (decision 12)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +42,7 @@ class SheetWidth:
 
     Attributes:
         is_narrow: the sheet is a ribbon, one or two sites wide, [S].
-        is_inner: the sheet goes on to every side, [S].
+        is_inner: the sheet goes on for two sites or more to every side, and they lie much as a square lattice, [S].
         across: unit vector in the sheet, across the ribbon, [S, 3].
     """
 
@@ -69,4 +76,26 @@ def measure_width(sites: Sites) -> SheetWidth:
     across = np.cross(sites.direction, axes[:, :, 2])
     length = np.linalg.norm(across, axis=1, keepdims=True)
     is_narrow = (width < _NARROW) & (length[:, 0] > 0.5)
-    return SheetWidth(is_narrow, width > _WIDE, across / np.maximum(length, 1e-12))
+    cell = np.linalg.norm(np.cross(sites.edge_a, sites.edge_b), axis=1)
+    is_inner = (_widest_angle(sites.direction, pairs, apart) < _LARGEST_ANGLE) & (cell < _LARGEST_CELL)
+    return SheetWidth(is_narrow, is_inner, across / np.maximum(length, 1e-12))
+
+
+def _widest_angle(
+    normal: NDArray[np.float64], pairs: NDArray[np.intp], apart: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The widest angle in the sheet between the directions to a site's neighbours beyond the first ring, [S]."""
+    far = np.linalg.norm(apart, axis=1) > _FIRST_RING
+    site = np.concatenate([pairs[far, 0], pairs[far, 1]])
+    step = np.concatenate([apart[far], -apart[far]])
+    u = np.cross(normal, np.eye(3)[np.abs(normal).argmin(1)])
+    v = np.cross(normal, u)
+    angle = np.arctan2((step * v[site]).sum(1), (step * u[site]).sum(1))
+    order = np.lexsort((angle, site))
+    site, angle = site[order], angle[order]
+    seen, first, count = np.unique(site, return_index=True, return_counts=True)
+    following = np.roll(angle, -1)
+    following[first + count - 1] = angle[first] + 2 * math.pi
+    widest = np.full(len(normal), 2 * math.pi)
+    widest[seen] = np.maximum.reduceat(following - angle, first) if len(seen) else 0.0
+    return widest

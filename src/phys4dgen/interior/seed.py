@@ -1,12 +1,12 @@
-"""Particles: solids on a lattice of half a grid cell, sheets in two layers, ribbons in four strands and rods in nine.
+"""Particles: solids on a lattice of half a grid cell, sheets on two faces, ribbons in four strands and rods in nine.
 
 Two layers at +-t / (2 sqrt 3) of the mid-surface have the second moment t^3 / 12 of the true sheet, so that MPM
 bends it as Euler and Bernoulli say although it is thinner than a grid cell; one layer would not resist bending at
-all. Inside a wide sheet one particle per site, on one face and on the other by turns as on a chequerboard, does the
-same for half the price; its rim has both (decision 12). 3 x 3 strands sqrt(3/32) d apart have the second moment of a
-round rod, (d/4)^2, and keep it when the rod is thickened to three cells; 2 x 2 strands at +-d/4 lose energy once they
-stand a cell apart (measured: damping ratio 0.12 at a diameter of 2 cells, against 0.005 for 3 x 3 at 3.2).
-(PHYSICS.md 1.11.)
+all. Inside a wide sheet that is not too oblique one particle per site, on one face and on the other by turns as on a
+chequerboard, bends nearly as well for half the price; its rim has both (decision 12). 3 x 3 strands sqrt(3/32) d apart
+have the second moment of a round rod, (d/4)^2, and keep it when the rod is thickened to three cells; 2 x 2 strands at
++-d/4 lose energy once they stand a cell apart (measured: damping ratio 0.12 at a diameter of 2 cells, against 0.005 for
+3 x 3 at 3.2). (PHYSICS.md 1.11.)
 """
 
 from __future__ import annotations
@@ -74,6 +74,7 @@ def seed_sheets(sites: Sites, thickness: NDArray[np.float64], measured: NDArray[
     rises = np.where(odd, [0, 0, corner, -corner], [half, -half, half, -half])
     sides = np.where(narrow, sides, 0.0)
     rises = np.where(narrow, rises, [half, -half, 0, 0])
+    # Columns of the table: one face, the other face, and two more of a ribbon.
     by_turns = np.where(odd, [True, False, False, False], [False, True, False, False])
     present = np.where(width.is_inner[:, None], by_turns, narrow | (np.arange(4) < 2))
     site, column = np.nonzero(present)

@@ -7,7 +7,7 @@ The voxels are wider than the thing; what counts is where the Gaussians cover th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ class Sites:
 
     Attributes:
         position: on the mid-surface or centre line, [S, 3].
-        direction: unit normal of the sheet, to the same side as its neighbours', or unit axis of the rod, [S, 3].
+        direction: unit normal of the sheet, to one side where its columns run along the same axis, or unit axis of the
+            rod, [S, 3].
         extent: area of the sheet (voxels squared) or length of the rod (voxels) that the site stands for, [S].
         edge_a: one step of the site's cell along the sheet, [S, 3] (zero for rods).
         edge_b: the other step, [S, 3] (zero for rods).
@@ -48,15 +49,7 @@ class Sites:
 
     def where(self, keep: NDArray[np.bool_], extent: NDArray[np.float64]) -> Sites:
         """The chosen sites, with another extent."""
-        return Sites(
-            self.position[keep],
-            self.direction[keep],
-            extent[keep],
-            self.edge_a[keep],
-            self.edge_b[keep],
-            self.is_bridge[keep],
-            self.is_odd[keep],
-        )
+        return replace(Sites(*(getattr(self, field.name)[keep] for field in fields(self))), extent=extent[keep])
 
 
 def sheet_sites(thin: ThinVoxels, bridges: NDArray[np.bool_]) -> Sites:
@@ -154,15 +147,7 @@ def ribbon_sites(rods: Sites, width: NDArray[np.float64], across: NDArray[np.flo
 
 def join_sites(first: Sites, second: Sites) -> Sites:
     """Both groups of sites, in order."""
-    return Sites(
-        np.concatenate([first.position, second.position]),
-        np.concatenate([first.direction, second.direction]),
-        np.concatenate([first.extent, second.extent]),
-        np.concatenate([first.edge_a, second.edge_a]),
-        np.concatenate([first.edge_b, second.edge_b]),
-        np.concatenate([first.is_bridge, second.is_bridge]),
-        np.concatenate([first.is_odd, second.is_odd]),
-    )
+    return Sites(*(np.concatenate([getattr(first, f.name), getattr(second, f.name)]) for f in fields(Sites)))
 
 
 def _majority_axis(

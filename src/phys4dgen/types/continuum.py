@@ -30,8 +30,8 @@ class Continuum:
         thickness_m: true thickness of the sheet or diameter of the rod at the particle, NaN in solids, shape [P].
         thickness_measured: the thickness was read from the Gaussians (else it is a placeholder), shape [P], bool.
         offset_m: from the mid-surface or centre line to the particle, metres, z up axes, 0 in solids, shape [P, 3].
-        site: number of the place along the sheet or rod; the particles of one cross-section share theirs, shape [P],
-            int32.
+        site: number of the place on the sheet or rod; the particles of one cross-section share theirs, others have one
+            each, shape [P], int32.
         spacing_m: distance between neighbouring particles that the seeding aimed at, metres.
     """
 
