@@ -20,8 +20,9 @@ plant.splat, the first 0.4 s, and 2 s:
                     gaussians 68,249           0.00018,      0.00009,       0.00009
     64 cells, 2 s:  gaussians as above         0.00023,      0.00012,       0.00012
 
-Most of what `auto` has is rotation: the plant's stalks bend, and no particles can be four times smoother than that. The limit was set from a prototype (0.0037 and 0.0194) whose leaves stretched by 7 to 10 %, and
-whose Gaussians did not share the volume of what they lie in evenly.
+Most of what `auto` has is rotation: the plant's stalks bend, and no particles can be four times smoother than that.
+The limit was set from a prototype (0.0037 and 0.0194) whose leaves stretched by 7 to 10 %, and whose Gaussians did not
+share the volume of what they lie in evenly.
 """
 
 from __future__ import annotations
