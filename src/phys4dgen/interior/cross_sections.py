@@ -16,7 +16,7 @@ from phys4dgen.types import SHEET, SOLID, Continuum, Frame
 __all__ = ["cross_section_means"]
 
 _OPPOSITE = 4  # neighbours, as on a chequerboard
-_REACH_SPACINGS = 2.0  # sites beside each other are at most 1.2 apart (ribbons.py)
+_REACH_SPACINGS = 2.0  # neighbours among single sites are at most 1.35 apart (ribbons.py)
 _ASKED = 24  # so many particles lie in reach, rim and own face included
 _FLATNESS, _SAME_SHEET = 0.5, 0.7  # as in ribbons.py: the leaf above is another sheet
 _ONE_SIDED = 0.2  # of the offsets' mean length: how far the middle of a site's particles is from the site's middle
