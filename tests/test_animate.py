@@ -143,6 +143,28 @@ def test_each_cross_section_of_a_stalk_carries_a_gaussian_with_its_nearest_stran
     assert (np.diff(found, axis=1) >= 0).all()
 
 
+def test_a_stalk_of_three_sites_carries_its_gaussians_with_three_strands():
+    positions, offset, site = _stalk(sites=3)
+    continuum = replace(continuum_of(positions), offset_m=offset, site=site)
+    means = np.column_stack([np.linspace(-1, 3, 9), np.full(9, 0.3), np.full(9, -0.2)]) * SPACING
+    hung = skinned(gaussians_at(means), continuum)
+    used = [set(site[row[weight > 0]]) for row, weight in zip(hung.particles, hung.weights, strict=True)]
+    assert all(len(sites) == (weights > 0).sum() for sites, weights in zip(used, hung.weights, strict=True))
+    assert used[4] == {0, 1, 2}
+    np.testing.assert_allclose(hung.weights.sum(1), 1, atol=1e-6)
+
+
+def test_a_site_that_two_pieces_share_carries_each_with_its_own_particles():
+    positions, offset, site = _stalk()
+    piece = (offset[:, 1] > 0).astype(int)
+    continuum = replace(continuum_of(positions, piece=piece), offset_m=offset, site=site)
+    means = np.column_stack([np.linspace(8, 11, 12), np.repeat([-0.5, 0.5], 6), np.zeros(12)]) * SPACING
+    hung = skinned(gaussians_at(means), continuum)
+    assert (piece[hung.particles[:6]] == 0).all()
+    assert (piece[hung.particles[6:]] == 1).all()
+    assert all(len(set(site[row])) == 8 for row in hung.particles)
+
+
 def test_f_does_not_jump_from_one_cross_section_of_a_stalk_to_the_next():
     """A twist that grows along the axis: hung on the nine strands of one site, Gaussians would turn in steps."""
     positions, offset, site = _stalk()
