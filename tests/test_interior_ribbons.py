@@ -98,6 +98,8 @@ def test_a_wide_sheet_has_both_layers_at_its_rim_and_one_by_turns_inside():
     assert seeds.volume.sum() == pytest.approx(len(sites) * 0.3)
     normal = seeds.offset @ TILT[:, 2]
     assert seeds.volume @ normal**2 / seeds.volume.sum() == pytest.approx(0.3**2 / 12)
+    coarse = seed_sheets(sites, np.full(len(sites), 0.3), np.ones(len(sites), bool), spacing_cells=0.75)
+    np.testing.assert_array_equal(np.bincount(coarse.site), 2)
     faces = np.sign(normal[per_site.ravel()[seeds.site] == 1])
     np.testing.assert_array_equal(faces, np.where(sites.is_odd[per_site.ravel() == 1], 1, -1))
 

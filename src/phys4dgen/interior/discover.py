@@ -130,6 +130,7 @@ def discover_interior(
         grid=grid,
         inside=reading.inside,
         frame=frame,
+        spacing_cells=spacing_cells,
         skin_only=method == "none",
     )
     positions_up = grid.centers(seeds.middle + seeds.offset)

@@ -42,6 +42,7 @@ def populate(
     grid: VoxelGrid,
     inside: InsideTest,
     frame: Frame,
+    spacing_cells: float,
     skin_only: bool = False,
 ) -> tuple[Seeds, int]:
     """Particles of the thick, sheet-like and rod-like regions.
@@ -53,6 +54,7 @@ def populate(
         grid: voxels in upright axes.
         inside: whether points lie inside the object, sharp.
         frame: input coordinates -> metres.
+        spacing_cells: a voxel in grid cells.
         skin_only: thick bodies are their outermost layer of voxels.
 
     Returns:
@@ -103,7 +105,7 @@ def populate(
         join_seeds(
             [
                 seed_solid(body, body_share),
-                seed_sheets(sheets, thickness, measured),
+                seed_sheets(sheets, thickness, measured, spacing_cells=spacing_cells),
                 seed_rods(rods, width, width_measured),
             ]
         )

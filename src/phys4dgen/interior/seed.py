@@ -23,6 +23,9 @@ from phys4dgen.types import ROD, SHEET, SOLID
 
 __all__ = ["Seeds", "join_seeds", "seed_rods", "seed_sheets", "seed_solid"]
 
+_LARGEST_SPACING_CELLS = 0.501
+"""Of particles by turns: three quarters of a cell apart they are far too soft (decision 12)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Seeds:
@@ -61,11 +64,19 @@ def seed_solid(index: NDArray[np.int64], share: NDArray[np.float64]) -> Seeds:
     )
 
 
-def seed_sheets(sites: Sites, thickness: NDArray[np.float64], measured: NDArray[np.bool_]) -> Seeds:
+def seed_sheets(
+    sites: Sites, thickness: NDArray[np.float64], measured: NDArray[np.bool_], *, spacing_cells: float = 0.5
+) -> Seeds:
     """Particles of a sheet, at +-t / (2 sqrt 3) along the normal: both at the rim, one of the two by turns inside.
 
     Where the sheet is a ribbon (ribbons.py) there are four per site, in a square and in a diamond by turns across the
     ribbon; both have the second moments of the site's cross-section, one voxel wide and t thick.
+
+    Args:
+        sites: of sheets, S of them.
+        thickness: in voxels, [S].
+        measured: the thickness was read from the Gaussians, [S].
+        spacing_cells: a voxel in grid cells; beyond half a cell both faces stay everywhere.
     """
     width = measure_width(sites)
     odd, narrow = sites.is_odd[:, None], width.is_narrow[:, None]
@@ -76,7 +87,8 @@ def seed_sheets(sites: Sites, thickness: NDArray[np.float64], measured: NDArray[
     rises = np.where(narrow, rises, [half, -half, 0, 0])
     # Columns of the table: one face, the other face, and two more of a ribbon.
     by_turns = np.where(odd, [True, False, False, False], [False, True, False, False])
-    present = np.where(width.is_inner[:, None], by_turns, narrow | (np.arange(4) < 2))
+    is_single = width.is_inner & (spacing_cells <= _LARGEST_SPACING_CELLS)
+    present = np.where(is_single[:, None], by_turns, narrow | (np.arange(4) < 2))
     site, column = np.nonzero(present)
     p = len(site)
     return Seeds(

@@ -179,7 +179,7 @@ def read_interior(run: RunFolder) -> Interior:
     with np.load(run.continuum_npz, allow_pickle=False) as archive:
         arrays = dict(archive)
     arrays["part"] = arrays.pop("group")
-    arrays.setdefault("site", np.arange(len(arrays["part"])))  # of an older version, which hung Gaussians on each particle
+    arrays.setdefault("site", np.arange(len(arrays["part"])))  # of an older version: one each
     found = {name: arrays.get(f"discovered_{name}", arrays[name]) for name in _PARTICLE_FIELDS}
     continuum = Continuum(**{name: array.item() if array.ndim == 0 else array for name, array in found.items()})
     bridges = BridgeReport(**{f.name: arrays[f"bridges_{f.name}"].item() for f in fields(BridgeReport)})
