@@ -124,8 +124,7 @@ class Assembly:
         mass_kg: true mass of each particle, [P].
         thickening: parts that are simulated thicker than they are.
         strain_ratio: true strain over simulated strain of each particle where it bends, [P].
-        section_means: weights that give particles of thickened parts the mean over their cross-section, others their
-            own, [P, P].
+        section_means: weights that give the K thickened particles the mean over their cross-section, [K, K].
         yield_strain: strain at which the material yields, infinite where it is not known, [P].
         capped: parts whose thick regions are simulated softer than they are.
     """
@@ -141,18 +140,22 @@ class Assembly:
 
     def true_motion(
         self, positions_m: NDArray[np.float64], deformation_gradients: NDArray[np.floating]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[NDArray[np.float64], NDArray[np.floating]]:
         """Positions [P, 3] and F [P, 3, 3] of the true (not thickened) body, given those of the simulated one.
 
         Where a thin part bends, F differs from its mean over the thickness in proportion to the distance from the
         middle. The simulated particles stand farther from it, so that part of F is theirs, not the true body's.
         """
-        simulated = np.asarray(deformation_gradients, np.float64)
+        thickened = self.strain_ratio < 1
+        simulated = deformation_gradients[thickened].astype(np.float64)
         mean = (self.section_means @ simulated.reshape(-1, 9)).reshape(-1, 3, 3)
-        true = mean + self.strain_ratio[:, None, None] * (simulated - mean)
+        true = mean + self.strain_ratio[thickened, None, None] * (simulated - mean)
         # The way from the simulated to the true place is the integral of F, which is linear there.
         between = (simulated + true) / 2
-        return positions_m + np.einsum("pab,pb->pa", between, self.true_offset_m), true
+        true_positions_m, true_gradients = positions_m.copy(), deformation_gradients.copy()
+        true_positions_m[thickened] += np.einsum("pab,pb->pa", between, self.true_offset_m[thickened])
+        true_gradients[thickened] = true
+        return true_positions_m, true_gradients
 
 
 def assemble_body(
@@ -235,13 +238,17 @@ def assemble_body(
         part_names=parts.names,
         law_numbers=numbers,
     )
+    thickened = ratio > 1
+    section_means = sparse.csr_matrix((0, 0))
+    if thickened.any():
+        section_means = cross_section_means(continuum.subset(thickened), frame=frame)
     thickening = _report(continuum, parts.names, ratio, density, modulus, thin_density, thin_modulus)
     return Assembly(
         body,
         true_offset_m=-offset_m,
         mass_kg=continuum.volume_m3 * density,
         strain_ratio=1 / ratio,
-        section_means=cross_section_means(continuum, frame=frame, chosen=ratio > 1),
+        section_means=section_means,
         yield_strain=yield_strain,
         thickening=thickening,
         capped=capped,

@@ -22,21 +22,17 @@ _FLATNESS, _SAME_SHEET = 0.5, 0.7  # as in ribbons.py: the leaf above is another
 _ONE_SIDED = 0.2  # of the offsets' mean length: how far the middle of a site's particles is from the site's middle
 
 
-def cross_section_means(continuum: Continuum, *, frame: Frame, chosen: NDArray[np.bool_]) -> sparse.csr_matrix:
-    """Weights [P, P] that give each chosen particle the mean of a quantity over the cross-section that it belongs to.
+def cross_section_means(continuum: Continuum, *, frame: Frame) -> sparse.csr_matrix:
+    """Weights [P, P] that give each particle the mean of a quantity over the cross-section that it belongs to.
 
-    Rows sum to one. Particles that are not chosen, those of solids, and those whose other side is not found keep their
-    own value.
+    Rows sum to one. Particles of solids and those whose other side is not found keep their own value.
 
     Args:
         continuum: P particles.
         frame: input coordinates -> metres.
-        chosen: particles of thin parts whose mean is wanted, [P].
     """
     p = len(continuum)
-    thin = np.flatnonzero(chosen & (continuum.shape != SOLID))
-    if len(thin) == 0:
-        return sparse.csr_matrix(sparse.identity(p))
+    thin = np.flatnonzero(continuum.shape != SOLID)
     offset_m = continuum.offset_m
     key = np.stack([continuum.site, continuum.part, continuum.piece], 1)[thin]  # other pieces may go other ways
     _, first, of_thin = np.unique(key, axis=0, return_index=True, return_inverse=True)
