@@ -27,9 +27,10 @@ _SAME_SHEET = 0.7
 
 _NARROW = 2.5
 _FIRST_RING = 1.6
-_LARGEST_ANGLE = math.radians(75)
+_LARGEST_ANGLE = math.radians(70)
 """Seen from a site, its neighbours beyond the first ones leave no wider angle open where the sheet goes on for two or
-more sites to every side: two sites from a straight edge 60 degrees at most, one site from it 100 and more."""
+more sites to every side. Two rows from a straight edge it is 35 degrees at most, one row from it 74 or more, whatever
+the normal; captures are between."""
 
 _LARGEST_CELL = 1.35
 """Of a site's cell on the sheet, voxels squared. The columns of more oblique sheets stand in a triangular lattice, on
