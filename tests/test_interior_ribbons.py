@@ -135,6 +135,22 @@ def test_a_sheet_is_inner_where_it_goes_on_whatever_its_normal(normal):
     assert not inner[away > 10.8].any()
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_inside_begins_two_rows_from_the_edge_whatever_the_normal(seed):
+    """The edge runs along a row of columns, here the first axis of them."""
+    rng = np.random.default_rng(seed)
+    normal = np.append(rng.uniform(-0.7, 0.7, 2), 1.0)
+    normal[:2] *= min(1, 0.85 / np.linalg.norm(normal[:2]))  # not too oblique
+    sites, _ = _disc_of_columns(normal, radius=14)
+    row = np.rint(sites.position[:, 0]).astype(int)
+    cut = row <= 0
+    half = sites.where(cut, sites.extent)
+    from_edge, middle = -row[cut], np.abs(half.position[:, 1]) < 4
+    inner = measure_width(half).is_inner
+    assert not inner[(from_edge < 2) & middle].any()
+    assert inner[(from_edge >= 2) & (from_edge < 6) & middle].all()
+
+
 @pytest.mark.parametrize("normal", [(1, 1, 1), (-1, 0.8, 0.9)])
 def test_where_columns_make_a_triangular_lattice_both_faces_stay(normal):
     """There by turns is by rows: such a strip swings at .77 of its frequency, with a damping ratio of .085."""
